@@ -184,7 +184,7 @@ def main() -> None:
     shown = []
     print("\n".join(machine.lines(machine.facts())), flush=True)
     for name, case in cases(folder, options.cases):
-        export.export(case.scene, everyone(), folder / name)
+        export.study(case.scene, everyone(), folder / name, export.Request())
         model = np.load(folder / name / "model.npz")
         reference, n = ours(case.scene, model["frequency"]), len(model["M"])
         unknowns = n * (2 * case.scene.harmonics + 1)

@@ -15,6 +15,8 @@ if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
     stop_at_once()
 
 from contextlib import suppress
+from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -135,7 +137,7 @@ def _shown(command: Command, out: Path) -> list:
     if command.name == "convert":
         from .results.convert import STEPS, convert
 
-        return convert(command.file, out, command.to, command.steps or STEPS)
+        return convert(command.file, out, command.options.get("to", ()), command.options.get("steps", STEPS))
     from .results.plots import draw_all
 
     return draw_all(command.file, str(out))
@@ -154,7 +156,8 @@ def _diff(command: Command, comm: MPI.Comm | None) -> int:
             refuse_deadly(file)
         return compare_files(*arguments)
 
-    arguments = command.file, command.other, command.tolerance, command.bars, command.out, command.as_json
+    of = command.options
+    arguments = command.file, of["other"], of.get("tolerance"), "bars" in of, command.out, "as_json" in of
     text, status = on_root(comm, compared, *arguments) if comm is not None else compared(*arguments)
     if launcher_rank() == 0:
         print(text)
@@ -183,7 +186,7 @@ def _look(command: Command, comm: MPI.Comm | None) -> int:
     else:
         from .studies.new.story import new
 
-        new(command.file, comm, command.out, command.force)
+        new(command.file, comm, command.out, "force" in command.options)
     return 0
 
 
@@ -197,9 +200,10 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
     from .scene.read import read_scene
     from .scene.schema import Scene, SceneOfModes
 
-    refuse_too_many(command.groups or 1, comm.size)
+    refuse_too_many(command.options.get("groups", 1), comm.size)
     kind = SceneOfModes if command.name == "modes" else Scene
-    scene, *more = (on_root(comm, read_scene, file, command.settings, kind) for file in (command.file, *command.more))
+    files = (command.file, *command.options.get("more", ()))
+    scene, *more = (on_root(comm, read_scene, file, command.settings, kind) for file in files)
     with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())
@@ -216,7 +220,7 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
         out, status = _run([scene, *more], command, comm)
     else:
         out, status = Path("results", f"{scene.name}_{command.name}") if command.out is None else command.out, 0
-        number, parts = command.part
+        number, parts = command.options.get("part", (1, 1))
         with locked(comm, out if parts == 1 else out / f"part-{number}"):
             _study(command, scene, comm, out)
     unused = set.intersection(*map(set, comm.allgather(unused_options(command.petsc))))  # a group may have had no work
@@ -232,8 +236,9 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
     from . import run
     from .studies.batch import run_scenes
 
-    limit = on_root(comm, time_limit, command.walltime)
-    options = run.RunOptions(command.petsc, command.groups, command.divide, fresh=command.fresh, limit=limit)
+    of = command.options
+    limit = on_root(comm, time_limit, of.get("walltime"))
+    options = run.RunOptions(command.petsc, of.get("groups"), "divide" in of, fresh="fresh" in of, limit=limit)
     if len(scenes) > 1:
         out = Path("results") if command.out is None else command.out
         return out, run_scenes(scenes, comm, out, options)
@@ -244,69 +249,10 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
 
 def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     """Perform a study of a scene, into a folder.  Collective on ``comm``."""
-    from .studies.backbone import story as backbone
-    from .studies.compare import story as compare
-    from .studies.export import story as export
-    from .studies.identify import story as identify
-    from .studies.modes import story as modes
-    from .studies.search import story as search
-    from .studies.sweep import request as of_sweep
-    from .studies.sweep import story as sweep
-    from .studies.trade import story as trade
-    from .studies.verify import story as verify
-    from .studies.wear import story as wear
-
-    if command.name == "modes":
-        of_modes = modes.Request(command.count, command.speeds, command.diameters, command.orders)
-        modes.modes(scene, comm, out, of_modes, command.petsc)
-    elif command.name == "backbone":
-        of_mode = backbone.Request(command.mode or 1, command.farthest, command.levels, command.fresh)
-        backbone.study(scene, comm, out, of_mode, command.petsc, on_root(comm, time_limit, command.walltime))
-    elif command.name == "identify":
-        identify.study(scene, comm, out, command.other, command.fit, command.petsc)
-    elif command.name == "search":
-        assert command.frequency is not None, "required"
-        of_search = search.Request(command.frequency, command.level, command.starts or search.STARTS, command.follow)
-        search.study(scene, comm, out, of_search, command.petsc)
-    elif command.name == "wear":
-        wear.study(scene, comm, out, command.petsc, command.fresh)
-    elif command.name == "sweep":
-        samples = of_sweep.Request(
-            command.swept,
-            command.scatter,
-            command.table,
-            command.samples,
-            command.design,
-            command.seed,
-            command.one_by_one,
-            command.output,
-            command.outside == "skip",
-            command.curves,
-            command.groups,
-            command.part,
-            command.fresh,
-            command.keep_modes,
-        )
-        sweep.study(scene, comm, out, samples, command.petsc, on_root(comm, time_limit, command.walltime))
-    elif command.name == "compare":
-        compare.compare(scene, comm, out, command.methods, command.petsc)
-    elif command.name == "verify":
-        request = verify.Request(
-            command.at,
-            command.levels,
-            command.harmonics,
-            command.samples,
-            command.steps or verify.STEPS,
-            command.from_rest,
-            command.disturbed,
-        )
-        verify.verify(scene, comm, out, request, command.petsc)
-    elif command.name == "trade":
-        varied = command.parameters or trade.PARAMETERS
-        of_trade = trade.Request(varied, command.levels, command.meshes, command.seconds or trade.SECONDS)
-        trade.trade(scene, comm, out, of_trade, command.petsc)
-    else:
-        export.export(scene, comm, out, export.Request(command.method, command.recovery), command.petsc)
+    story = import_module(f".studies.{command.name}.story", __package__)
+    names = {field.name for field in fields(story.Request)}
+    request = story.Request(**{name: value for name, value in command.options.items() if name in names})
+    story.study(scene, comm, out, request, command.petsc)
 
 
 if __name__ == "__main__":

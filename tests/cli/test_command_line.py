@@ -8,46 +8,44 @@ from microslip.messages.errors import CaseError
 from microslip.program.command_line import Command, parse
 
 
+def of(name, file="", out=None, petsc=(), settings=(), **options):
+    return Command(name, file, out, petsc, settings, options)
+
+
 @pytest.mark.parametrize(
     "line, command",
     [
-        ("run fan.toml", Command("run", "fan.toml")),
-        ("run --out here fan.toml", Command("run", "fan.toml", Path("here"))),
+        ("run fan.toml", of("run", "fan.toml")),
+        ("run --out here fan.toml", of("run", "fan.toml", Path("here"))),
         (
             "run fan.toml -- -hb_snes_monitor -static_mat_mumps_cntl_1 -1e-3",
-            Command("run", "fan.toml", None, ("-hb_snes_monitor", "-static_mat_mumps_cntl_1", "-1e-3")),
+            of("run", "fan.toml", None, ("-hb_snes_monitor", "-static_mat_mumps_cntl_1", "-1e-3")),
         ),
-        ("run a.toml b.toml c.toml --groups 2", Command("run", "a.toml", more=("b.toml", "c.toml"), groups=2)),
+        ("run a.toml b.toml c.toml --groups 2", of("run", "a.toml", more=("b.toml", "c.toml"), groups=2)),
         (
             "run --groups=3 a.toml --out here b.toml -- -hb_snes_max_it 9",
-            Command("run", "a.toml", Path("here"), ("-hb_snes_max_it", "9"), more=("b.toml",), groups=3),
+            of("run", "a.toml", Path("here"), ("-hb_snes_max_it", "9"), more=("b.toml",), groups=3),
         ),
-        ("compare fan.toml", Command("compare", "fan.toml")),
-        (
-            "compare fan.toml --methods rubin,full --out here",
-            Command("compare", "fan.toml", Path("here"), methods=("rubin", "full")),
-        ),
-        ("backbone fan.toml", Command("backbone", "fan.toml")),
-        ("wear fan.toml --fresh --out w", Command("wear", "fan.toml", Path("w"), fresh=True)),
-        (
-            "identify fan.toml m.csv --fit a=1:2 --fit b=3:4",
-            Command("identify", "fan.toml", other="m.csv", fit=("a=1:2", "b=3:4")),
-        ),
+        ("compare fan.toml", of("compare", "fan.toml")),
+        ("compare fan.toml --methods rubin,full --out here", of("compare", "fan.toml", Path("here"), methods=("rubin", "full"))),
+        ("backbone fan.toml", of("backbone", "fan.toml")),
+        ("wear fan.toml --fresh --out w", of("wear", "fan.toml", Path("w"), fresh=True)),
+        ("identify fan.toml m.csv --fit a=1:2 --fit b=3:4", of("identify", "fan.toml", other="m.csv", fit=("a=1:2", "b=3:4"))),
         (
             "backbone fan.toml --mode 2 --farthest 30 --levels 5,10 --fresh --out b -- -hb_snes_max_it 9",
-            Command(
+            of(
                 "backbone", "fan.toml", Path("b"), ("-hb_snes_max_it", "9"), mode=2, farthest=30.0, levels=(5.0, 10.0), fresh=True
             ),
         ),
-        ("search fan.toml --at 99.4", Command("search", "fan.toml", frequency=99.4)),
+        ("search fan.toml --at 99.4", of("search", "fan.toml", frequency=99.4)),
         (
             "search fan.toml --at 99.4 --level 15 --starts 9 --continue",
-            Command("search", "fan.toml", frequency=99.4, level=15.0, starts=9, follow=True),
+            of("search", "fan.toml", frequency=99.4, level=15.0, starts=9, follow=True),
         ),
-        ("verify fan.toml", Command("verify", "fan.toml")),
+        ("verify fan.toml", of("verify", "fan.toml")),
         (
             "verify fan.toml --at 99.5,100 --levels 5 --harmonics 7 --samples 512 --steps 64 --from-rest --out v -- -hb_snes_max_it 9",
-            Command(
+            of(
                 "verify",
                 "fan.toml",
                 Path("v"),
@@ -60,30 +58,30 @@ from microslip.program.command_line import Command, parse
                 from_rest=True,
             ),
         ),
-        ("trade fan.toml", Command("trade", "fan.toml")),
-        ("export fan.toml --method rubin --recovery", Command("export", "fan.toml", method="rubin", recovery=True)),
+        ("trade fan.toml", of("trade", "fan.toml")),
+        ("export fan.toml --method rubin --recovery", of("export", "fan.toml", method="rubin", recovery=True)),
         (
             "trade fan.toml --vary modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
-            Command("trade", "fan.toml", parameters=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0),
+            of("trade", "fan.toml", parameters=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0),
         ),
-        ("check fan.toml", Command("check", "fan.toml")),
+        ("check fan.toml", of("check", "fan.toml")),
         (
             "run a.toml --set solver.modes=8 b.toml --set=response.levels=[5.0]",
-            Command("run", "a.toml", more=("b.toml",), settings=("solver.modes=8", "response.levels=[5.0]")),
+            of("run", "a.toml", more=("b.toml",), settings=("solver.modes=8", "response.levels=[5.0]")),
         ),
-        ("check fan.toml --set title=Fan", Command("check", "fan.toml", settings=("title=Fan",))),
-        ("check fan.msh --out there", Command("check", "fan.msh", Path("there"))),
-        ("new fan.msh", Command("new", "fan.msh")),
-        ("new fan.msh --out fan.toml --force", Command("new", "fan.msh", Path("fan.toml"), force=True)),
-        ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
-        ("report results.h5", Command("report", "results.h5")),
-        ("convert results.h5 --to unv,mat --steps 64", Command("convert", "results.h5", to=("unv", "mat"), steps=64)),
-        ("diff a.h5 b.h5", Command("diff", "a.h5", other="b.h5")),
+        ("check fan.toml --set title=Fan", of("check", "fan.toml", settings=("title=Fan",))),
+        ("check fan.msh --out there", of("check", "fan.msh", Path("there"))),
+        ("new fan.msh", of("new", "fan.msh")),
+        ("new fan.msh --out fan.toml --force", of("new", "fan.msh", Path("fan.toml"), force=True)),
+        ("plot results.h5 --out=there", of("plot", "results.h5", Path("there"))),
+        ("report results.h5", of("report", "results.h5")),
+        ("convert results.h5 --to unv,mat --steps 64", of("convert", "results.h5", to=("unv", "mat"), steps=64)),
+        ("diff a.h5 b.h5", of("diff", "a.h5", other="b.h5")),
         (
             "diff a.h5 b.h5 --tolerance 1e-3 --bars --json --out there",
-            Command("diff", "a.h5", Path("there"), other="b.h5", tolerance=1e-3, bars=True, as_json=True),
+            of("diff", "a.h5", Path("there"), other="b.h5", tolerance=1e-3, bars=True, as_json=True),
         ),
-        ("doctor", Command("doctor")),
+        ("doctor", of("doctor")),
     ],
 )
 def test_what_is_asked_arrives(line, command):

@@ -30,7 +30,7 @@ HZ = 2.0 * np.pi
 
 
 def exported(scene, comm, folder, **asked):
-    story.export(scene, comm, folder, story.Request(**asked))
+    story.study(scene, comm, folder, story.Request(**asked))
     comm.barrier()
     return dict(np.load(folder / "model.npz"))
 
@@ -272,7 +272,7 @@ def test_dependent_relative_displacements_follow_from_the_others():
 )
 def test_a_method_without_finite_matrices_is_refused(comm, tmp_path, method, message):
     with pytest.raises(CaseError, match=f"--method: .*{message}"):
-        story.export(None, comm, tmp_path, story.Request(method))
+        story.study(None, comm, tmp_path, story.Request(method))
     assert not list(tmp_path.iterdir())
 
 

@@ -1,9 +1,10 @@
 """The command line: commands and their options, and the PETSc options that follow ``--``."""
 
 import argparse
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ..messages.errors import CaseError
 from ..messages.words import hint, listed
@@ -32,53 +33,8 @@ class Command:
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # checked options after ``--``
-    count: int | None = None  # number of modes; None: as in the scene
-    mode: int | None = None  # mode of a backbone; None: the first
-    farthest: float | None = None  # last amplitude over the amplitude at first slip
-    frequency: float | None = None  # Hz, frequency of a search
-    level: float | None = None  # N, level of a search; None: the highest of the scene
-    starts: int | None = None  # starts of a search; None: the default of the command
-    follow: bool = False  # whether a search follows the curve from other solutions
-    speeds: tuple[float, ...] = ()  # rad/s
-    diameters: tuple[int, ...] = ()  # nodal diameters; empty: all
-    orders: tuple[int, ...] = ()  # engine orders; empty: the default of the command
-    methods: tuple[str, ...] = ()  # methods to compare; empty: all
-    more: tuple[str, ...] = ()  # further scenes to run
     settings: tuple[str, ...] = ()  # KEY=VALUE, overrides keys of the scene
-    groups: int | None = None  # number of groups of ranks; None: the fastest number
-    divide: bool = False  # whether the groups of a run share each level
-    walltime: float | None = None  # s, time limit of a run; None: from the scheduler
-    at: tuple[float, ...] = ()  # Hz, frequencies to verify; empty: around each peak
-    harmonics: int | None = None  # harmonics to verify; None: as in the scene
-    samples: int | None = None
-    steps: int | None = None  # time steps per period; None: the default of the command
-    from_rest: bool = False
-    disturbed: bool = False
-    parameters: tuple[str, ...] = ()  # settings to vary; empty: all
-    levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
-    meshes: tuple[str, ...] = ()  # files of further meshes
-    seconds: float | None = None  # time budget; None: the default of the command
-    method: str | None = None  # method to export; None: as in the scene
-    recovery: bool = False
-    to: tuple[str, ...] = ()  # formats to convert to; empty: all
-    force: bool = False  # overwrite an existing scene
-    fresh: bool = False  # recompute, without results of an earlier run
-    other: str = ""  # second result file
-    tolerance: float | None = None  # accepted difference of curves; None: the default of the command
-    bars: bool = False  # ignore differences inside the error bars
-    as_json: bool = False
-    fit: tuple[str, ...] = ()  # KEY=LOW:HIGH, numbers to identify
-    swept: tuple[str, ...] = ()  # KEY=LIST or KEY=RANGE, of a sweep
-    scatter: tuple[str, ...] = ()  # KEY=PERCENT, of a sweep
-    table: str | None = None  # of samples
-    design: str | None = None  # of scatter; None: the default of the command
-    seed: int = 0
-    one_by_one: bool = False
-    output: str | None = None  # its name; None: the first
-    outside: str = "refuse"  # or skip, of samples that the scene does not allow
-    curves: bool = False
-    keep_modes: bool = False  # of a sweep, under another contact stiffness
-    part: tuple[int, int] = (1, 1)  # of a job array
+    options: Mapping[str, Any] = field(default_factory=dict)  # stated options of the command, by ``_OPTIONS``; switches are True
 
 
 class _Parser(argparse.ArgumentParser):
@@ -108,21 +64,20 @@ def parse(arguments: list[str]) -> Command:
         if argument.startswith(tuple(f"-{prefix}" for prefix in PREFIXES)):
             raise CaseError(f"{argument}: PETSc options follow --, as in: microslip run SCENE.toml -- {argument}")
     given, unknown = parser.parse_known_args(words)
-    more = tuple(getattr(given, "more", ()))
     if given.command == "run" and not any(argument.startswith("-") for argument in unknown):
-        more, unknown = (*more, *unknown), []  # scenes before and after an option
+        given.more, unknown = [*given.more, *unknown], []  # scenes before and after an option
     if unknown:
         raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
     if petsc and given.command not in _SOLVE:
         raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
-    settings = tuple(getattr(given, "settings", ()))
-    values = vars(given) | {"petsc": petsc_options(petsc), "more": more, "settings": settings}
+    values: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in vars(given).items()}
+    settings = values.pop("settings", ())
     if given.command == "sweep":
         values["swept"] = tuple(text for text in settings if is_swept(text))
-        values["settings"] = tuple(text for text in settings if not is_swept(text))
-        values["scatter"] = tuple(given.scatter)
-    values |= {"fit": tuple(getattr(given, "fit", ()))}
-    return Command(values.pop("command"), **values)
+        settings = tuple(text for text in settings if not is_swept(text))
+    name, file, out = values.pop("command"), values.pop("file", ""), values.pop("out", None)
+    stated = {option: value for option, value in values.items() if value not in (None, (), False)}
+    return Command(name, file, out, petsc_options(petsc), settings, stated)
 
 
 def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
@@ -336,8 +291,7 @@ def _option(of: str | tuple[str, ...], flag: str, metavar: str | None, says: str
     return (of,) if isinstance(of, str) else of, flag, {**kind, "help": says, **how}
 
 
-_LIST = {"type": _words, "default": ()}
-_NUMBERS = {"type": _numbers, "default": ()}
+_LIST, _NUMBERS = {"type": _words}, {"type": _numbers}
 _OPTIONS = (
     _option(
         _SCENE,
@@ -367,16 +321,11 @@ _OPTIONS = (
         "NAME",
         "of --scatter: sobol, latin, or indices, N (keys + 2) samples for Sobol indices (default: sobol)",
     ),
-    _option("sweep", "--seed", "N", "of the samples (default: 0)", type=_seed, default=0),
+    _option("sweep", "--seed", "N", "of the samples (default: 0)", type=_seed),
     _option("sweep", "--one-by-one", None, "each key of --set alone, others as in the scene, in place of a grid"),
     _option("sweep", "--output", "NAME", "whose peak (default: the first output)"),
     _option(
-        "sweep",
-        "--outside",
-        "refuse|skip",
-        "samples that the scene does not allow (default: refuse)",
-        choices=("refuse", "skip"),
-        default="refuse",
+        "sweep", "--outside", "refuse|skip", "samples that the scene does not allow (default: refuse)", choices=("refuse", "skip")
     ),
     _option("sweep", "--curves", None, "the curve of each sample, too: percentile bands"),
     _option(
@@ -385,7 +334,7 @@ _OPTIONS = (
         None,
         "leave the modes as they are under another contact stiffness, in place of a structure for each",
     ),
-    _option("sweep", "--part", "I/N", "of a job array: every N-th sample from the I-th on", type=_part, default=(1, 1)),
+    _option("sweep", "--part", "I/N", "of a job array: every N-th sample from the I-th on", type=_part),
     _option(
         "sweep", "--groups", "G", "split the ranks into G groups, each with samples of its own (default: each rank)", type=_count
     ),
@@ -426,7 +375,6 @@ _OPTIONS = (
         "A,B,...",
         "speeds of rotation in rad/s, at least two, for a Campbell diagram with [statics] at each speed",
         type=_speeds,
-        default=(),
     ),
     _option(
         "modes",
@@ -434,15 +382,9 @@ _OPTIONS = (
         "A,B,...",
         "nodal diameters of a disc (default: all, from 0 to half of the sectors)",
         type=_diameters,
-        default=(),
     ),
     _option(
-        "modes",
-        "--orders",
-        "A,B,...",
-        "engine orders (default: 1 to 6; for a disc 1 to the number of sectors)",
-        type=_orders,
-        default=(),
+        "modes", "--orders", "A,B,...", "engine orders (default: 1 to 6; for a disc 1 to the number of sectors)", type=_orders
     ),
     _option("backbone", "--mode", "N", "number of the mode, with all joints stuck (default: 1)", type=_count),
     _option(

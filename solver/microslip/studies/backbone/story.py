@@ -11,14 +11,13 @@ from ...library.build import build
 from ...library.respond import Keys, respond
 from ...library.response import Response
 from ...messages.errors import ConvergenceError
-from ...observe.log import RunLog
 from ...observe.stops import Stops, goes_on
 from ...parallel.agree import on_root
 from ...restart.cache import cache_of
 from ...restart.folder import Restart
 from ...scene.schema import Scene
-from ...system.versions import versions
-from ...system.walltime import TimeLimit
+from ...system.walltime import time_limit
+from ..log import log_of
 from .report import Forced, write_backbone
 
 WIDTHS = 3.0  # half-power widths on each side of the mode, in which forced responses are computed
@@ -32,16 +31,10 @@ class Request:
     farthest: float | None = None  # amplitude over that of first slip; None: to gross slip
     levels: tuple[float, ...] = ()  # N, levels of forced responses; empty: none
     fresh: bool = False  # whether checkpoints of an earlier study are left unused
+    walltime: float | None = None  # s, time limit; None: from the scheduler
 
 
-def study(
-    scene: Scene,
-    comm: MPI.Comm,
-    folder: Path,
-    request: Request = Request(),  # noqa: B008  frozen
-    options: tuple[str, ...] = (),
-    limit: TimeLimit | None = None,
-) -> None:
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Compute a nonlinear mode of a scene, and at the requested levels the forced response, synthesised and computed.
 
     Collective on ``comm``.  The mode continues from the checkpoints of an earlier study in the folder.
@@ -52,9 +45,9 @@ def study(
     ConvergenceError : the mode or a curve ended early, after all files were written; on every rank
     Interrupted : a signal or the time limit, with the points of the mode on the disk; on every rank
     """
-    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
+    limit = on_root(comm, time_limit, request.walltime)
     restart = Restart.open(comm, folder, scene, options, request.fresh, cache_of(folder))
-    with goes_on(folder), RunLog(comm, str(folder / "backbone.log"), facts=facts) as log:
+    with goes_on(folder), log_of(comm, folder / "backbone.log", scene, options) as log:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))

@@ -1,5 +1,6 @@
 """The command `compare`: one structure, several methods at the same frequencies, one table."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -16,13 +17,20 @@ from ...points.branch import Branch
 from ...reduction.methods import METHODS, check_modes
 from ...results.measures import shown_with
 from ...scene.schema import Scene
-from ...system.versions import versions
+from ..log import log_of
 from .report import Row, write_comparison
 
 LARGEST_REFERENCE = 20_000  # DOF up to which `full` is the default reference
 
 
-def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...] = (), options: tuple[str, ...] = ()) -> None:
+@dataclass(frozen=True)
+class Request:
+    """Options of the command line."""
+
+    methods: tuple[str, ...] = ()  # empty: all that are suitable
+
+
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Solve one scene by several methods at the same frequencies; print and write one table.
 
     Collective on ``comm``.  The reference is `full` if its size allows, else `receptance`.  Its curve, followed by arc length,
@@ -33,9 +41,8 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
     CaseError : an unknown or unsuitable method, or too few modes for a method, before the first run; on every rank
     ConvergenceError : a method ended early, after all files were written; on every rank
     """
-    methods, notes = known_methods(scene, methods)
-    facts = {"scene": scene.source, "methods": ", ".join(methods), "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "compare.log"), facts=facts) as log:
+    methods, notes = known_methods(scene, request.methods)
+    with log_of(comm, folder / "compare.log", scene, options, methods=", ".join(methods)) as log:
         for note in notes:
             log.note(note)
         structure = build(by_method(scene, "receptance"), comm, log)

@@ -11,14 +11,13 @@ from ...library.settings import reduction_settings, refuse_discs
 from ...linear.joint_springs import joint_stiffness
 from ...messages.errors import CaseError
 from ...messages.words import hint
-from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
 from ...reduction.methods import METHODS, SELECTIONS
 from ...reduction.reduction import Reduction
 from ...reduction.settings import ReductionSettings
 from ...scene.schema import Scene
-from ...system.versions import versions
+from ..log import log_of
 from .contents import contents, recovery
 from .interface_model import interface_model
 from .report import write_export
@@ -35,7 +34,7 @@ class Request:
     recovery: bool = False
 
 
-def export(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Write the reduced model of a scene for other programs: model.npz, model.mat, README.txt and executable scripts.
 
     Collective on ``comm``.  Only the reduction is computed.
@@ -47,8 +46,7 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Reques
     """
     known_method(request.method)
     refuse_discs(scene, "export", "writes real matrices, and those of a nodal diameter are complex; leave [cyclic] out")
-    facts = {"scene": str(scene.path), "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "export.log"), facts=facts) as log:
+    with log_of(comm, folder / "export.log", scene, options) as log:
         structure = build(scene, comm, log)
         if structure.rigid is not None:
             structure.close()

@@ -1,5 +1,6 @@
 """The story of an identification: build, fit, table, picture, and the scene with the values put in."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -9,21 +10,28 @@ from ...library.build import build
 from ...library.identify import identify, refuse_bounds
 from ...library.settings import output_names, refuse_discs, refuse_statics, units_of
 from ...messages.errors import CaseError, ConvergenceError
-from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...scene.schema import Scene
-from ...system.versions import versions
+from ..log import log_of
 from .report import write_identified
 
 
-def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[str, ...], options: tuple[str, ...] = ()) -> None:
+@dataclass(frozen=True)
+class Request:
+    """Options of the command line."""
+
+    other: str  # file of the measurement
+    fit: tuple[str, ...] = ()  # KEY=LOW:HIGH, numbers to identify
+
+
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Fit numbers of a scene to a measurement.  Collective on ``comm``.
 
     Raises
     ------
     CaseError, MeshError, ConvergenceError, ResourceError : on every rank
     """
-    numbers = list(map(bounds_of, fit))
+    numbers = list(map(bounds_of, request.fit))
     twice = next((key for i, (key, _) in enumerate(numbers) if key in dict(numbers[:i])), None)
     if twice is not None:
         raise CaseError(f"--fit {twice} is stated twice; each number has one pair of bounds")
@@ -32,9 +40,8 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
     refuse_discs(scene, "identify", "is for structures that are modelled in full")
     on_root(comm, refuse_bounds, scene, bounds)
     of, response = (output_names(scene), units_of(scene).outputs), scene.response
-    rows = on_root(comm, read_measured, Path(measured), *of, response.levels, response.frequencies)
-    facts = {"scene": scene.source, "measurement": measured, "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "identify.log"), facts=facts) as log:
+    rows = on_root(comm, read_measured, Path(request.other), *of, response.levels, response.frequencies)
+    with log_of(comm, folder / "identify.log", scene, options, measurement=request.other) as log:
         structure = build(scene, comm, log)
         with log.stage("least squares"):
             identified = identify(structure, rows, bounds)

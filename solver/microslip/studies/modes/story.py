@@ -24,7 +24,7 @@ from ...reduction.stuck import project_modes
 from ...scene.read import changed
 from ...scene.schema import Scene
 from ...system.files import remove_files
-from ...system.versions import versions
+from ..log import log_of
 from .campbell import ORDERS, Families, write_campbell
 from .coriolis import basis_size, of_modes, takes_coriolis, waves_of, with_matrix
 from .disc import Excited, diameters_of, show_disc
@@ -44,7 +44,7 @@ class Request:
     orders: tuple[int, ...] = ()  # engine orders; empty: 1 to 6, for a disc 1 to the number of sectors
 
 
-def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Compute the lowest modes of a scene with all pairs stuck, about its state of rest; write table, picture and shapes.
 
     Collective on ``comm``.  For several speeds of rotation also the Campbell diagram, with shapes at the highest speed; for a
@@ -54,8 +54,7 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
     ------
     CaseError, MeshError, ResourceError, ConvergenceError : on every rank
     """
-    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
+    with log_of(comm, folder / "modes.log", scene, options) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if request.count is None else {"modes": request.count})})
         on_root(comm, remove_files, folder, "campbell.*", "crossings.csv", "interference.png", "modes_diameter_*.vtkhdf")
         if request.speeds and not takes_coriolis(scene):

@@ -7,10 +7,9 @@ from mpi4py import MPI
 
 from ...library.build import build
 from ...library.search import STARTS, refuse_what_has_one, search
-from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...scene.schema import Scene
-from ...system.versions import versions
+from ..log import log_of
 from .report import write_search
 
 
@@ -18,7 +17,7 @@ from .report import write_search
 class Request:
     """What the command line states in addition to the scene."""
 
-    at: float  # Hz
+    frequency: float  # Hz
     level: float | None = None  # N; None: the highest of the scene
     starts: int = STARTS
     follow: bool = False  # whether the curve through each other solution is followed
@@ -34,11 +33,10 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     CaseError, ConvergenceError, MeshError, ResourceError : on every rank
     """
     refuse_what_has_one(scene)
-    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "search.log"), facts=facts) as log:
+    with log_of(comm, folder / "search.log", scene, options) as log:
         structure = build(scene, comm, log, keeps_reference=False)
         with log.stage("search"):
-            result = search(structure, request.at, level=request.level, starts=request.starts, follow=request.follow)
+            result = search(structure, request.frequency, level=request.level, starts=request.starts, follow=request.follow)
         log.note(on_root(comm, write_search, result, scene, folder))
         log.note(f"results in {folder}")
         structure.close()

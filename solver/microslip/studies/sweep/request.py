@@ -31,12 +31,13 @@ class Request:
     seed: int = 0
     one_by_one: bool = False
     output: str | None = None
-    skips_outside: bool = False
-    has_curves: bool = False
+    outside: str = "refuse"  # or skip, of samples that the scene does not allow
+    curves: bool = False
     groups: int | None = None  # of ranks; None: as many as there are ranks
     part: tuple[int, int] = (1, 1)  # of a job array: this one of so many
     fresh: bool = False
     keep_modes: bool = False  # under another contact stiffness
+    walltime: float | None = None  # s, time limit; None: from the scheduler
 
 
 def design_of(scene: Scene, request: Request) -> Design:

@@ -20,9 +20,9 @@ from ...parallel.rank_groups import Counter, Groups, Reports, dealt, split
 from ...restart.identity import identity_of
 from ...scene.schema import Scene
 from ...system.signals import raise_stop
-from ...system.versions import versions
-from ...system.walltime import TimeLimit
+from ...system.walltime import TimeLimit, time_limit
 from ...system.watchdog import unwatched
+from ..log import log_of
 from .report import write_sweep
 from .request import Request, design_of, refusal
 from .stored import keys_of, read_samples, remove_samples, store
@@ -42,9 +42,7 @@ class Planned:
     left: list[int]  # to be solved by this run
 
 
-def study(
-    scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = (), limit: TimeLimit | None = None
-) -> None:
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Compute the peaks of samples, as far as an earlier run in the folder has not, and write them.  Collective on ``comm``.
 
     Raises
@@ -53,9 +51,9 @@ def study(
     ConvergenceError : samples without a peak, after everything was written; on every rank
     Interrupted : a signal or the time limit, with every finished sample on the disk; on every rank
     """
-    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
+    limit = on_root(comm, time_limit, request.walltime)
     name = "sweep.log" if request.part[1] == 1 else f"sweep-{request.part[0]}.log"
-    with goes_on(folder), RunLog(comm, str(folder / name), facts=facts) as log:
+    with goes_on(folder), log_of(comm, folder / name, scene, options) as log:
         planned = on_root(comm, planned_of, scene, folder, request, options)
         log.note(in_words(planned, request))
         table = solved(scene, comm, folder, request, planned, log, limit)
@@ -82,12 +80,12 @@ def planned_of(scene: Scene, folder: Path, request: Request, options: tuple[str,
     design = design_of(scene, request)
     varied = Varied.of(scene, design.keys, request.keep_modes)
     refused = outside(varied, design)
-    if refused and not request.skips_outside:
+    if refused and request.outside != "skip":
         raise CaseError(refusal(refused, len(design)))
     part = _part_name(request)
     if request.fresh:
         remove_samples(folder, part)
-    keys = keys_of(design, identity_of(scene, options).whole, request.output, request.has_curves, request.keep_modes)
+    keys = keys_of(design, identity_of(scene, options).whole, request.output, request.curves, request.keep_modes)
     stored = read_samples(folder)
     known = {i: stored[key] for i, key in enumerate(keys) if key in stored and stored[key].status == DONE}
     known |= {i: Sample(tuple(map(float, design.values[i])), OUTSIDE, why) for i, why in refused.items()}
@@ -137,7 +135,7 @@ def solved(
         of_rest = "rest" in planned.varied.kinds
         structure = build(scene, groups.comm, log if groups.n == 1 else None, keeps_reference=of_rest)
     with log.stage("the scene itself"), unwatched():
-        peaks = SamplePeaks(structure, planned.varied, request.output, planned.design.spread, request.has_curves)
+        peaks = SamplePeaks(structure, planned.varied, request.output, planned.design.spread, request.curves)
     output = scene.outputs[peaks.output]
     log.note(_nominal_in_words(peaks.nominal, output.name, output.unit, groups))
     samples = dict(planned.known)

@@ -20,8 +20,8 @@ from ...reduction.methods import METHODS
 from ...scene.checks import OF_DISCS
 from ...scene.read import changed
 from ...scene.schema import Scene
-from ...system.versions import versions
 from ..compare.story import LARGEST_REFERENCE
+from ..log import log_of
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies
 from .report import write_trade
@@ -55,7 +55,7 @@ class Request:
     seconds: float = SECONDS
 
 
-def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = None, options: tuple[str, ...] = ()) -> Study:
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> Study:
     """Measure time and error of each setting of a scene; print and write a table, a picture and choices.
 
     Collective on ``comm``.  The row of a failed run has the reason.
@@ -65,10 +65,8 @@ def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = 
     CaseError : an unknown setting, or a scene without effect of settings; on every rank, partly after the first curves
     ConvergenceError : no reference; on every rank
     """
-    request = request or Request()
     check_request(scene, request)
-    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "trade.log"), facts=facts) as log:
+    with log_of(comm, folder / "trade.log", scene, options) as log:
         study = measured(scene, comm, request, log)
         log.note(on_root(comm, write_trade, study, scene, str(folder)))
         log.note(f"results in {folder}")

@@ -15,19 +15,18 @@ from ...library.build import Structure, build
 from ...library.prepare import prepare
 from ...library.settings import refuse_statics, units_of
 from ...messages.errors import CaseError, ConvergenceError
-from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...points.branch import Branch
 from ...receptance.motions import modal_motion
 from ...receptance.reduced_model import ReducedModel
 from ...scene.read import changed
 from ...scene.schema import Scene
-from ...system.versions import versions
 from ...transient.growth import growth
 from ...transient.march import Cycle, March
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
 from ...transient.transient_model import TransientModel, transient_model
 from ..check.report import resolution
+from ..log import log_of
 from .report import Check, Loop, write_verification
 
 SHARES = (0.85, 0.75)  # fractions of the peak at the verified points on both sides; 0.71 bounds the half-power band
@@ -51,7 +50,7 @@ class Request:
     disturbed: bool = False  # whether each steady state is disturbed, and the disturbance watched
 
 
-def verify(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Integrate the reduced model in time at points of its response curves; print, write and draw the comparison.
 
     Collective on ``comm``: the curves as in a run; then each rank integrates its part of the points.
@@ -61,16 +60,10 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Reques
     CaseError : options that contradict the scene; on every rank
     ConvergenceError : a curve ended early, or a point reached no steady state, after all files were written; on every rank
     """
-    source, scene = scene.source, with_requested_range(scene, request)
+    stated, scene = scene, with_requested_range(scene, request)
     settings = f"{scene.solver.method}, {resolution(scene)}"
-    facts = {
-        "scene": source,
-        "harmonic balance": settings,
-        "time integration": f"generalised-alpha, {request.steps} steps a period",
-        "PETSc options": " ".join(options) or "none",
-        **versions(),
-    }
-    with RunLog(comm, str(folder / "verify.log"), facts=facts) as log:
+    facts = {"harmonic balance": settings, "time integration": f"generalised-alpha, {request.steps} steps a period"}
+    with log_of(comm, folder / "verify.log", stated, options, **facts) as log:
         structure = build(scene, comm, log)
         with log.stage("reduction"):
             response = ready(structure, request.at)

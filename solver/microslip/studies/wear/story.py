@@ -1,5 +1,6 @@
 """The story of a wear study: build, cycle, jump, again; curves of the new and the worn joint; table, files, pictures."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -15,12 +16,19 @@ from ...observe.log import RunLog
 from ...observe.stops import goes_on
 from ...parallel.agree import on_root
 from ...scene.schema import Scene
-from ...system.versions import versions
+from ..log import log_of
 from .progress import Progress, State
 from .report import write_wear
 
 
-def study(scene: Scene, comm: MPI.Comm, folder: Path, options: tuple[str, ...] = (), fresh: bool = False) -> None:
+@dataclass(frozen=True)
+class Request:
+    """Options of the command line."""
+
+    fresh: bool = False  # whether jumps of an earlier study are left unused
+
+
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
     """Compute the wear of the joints of a scene by its table [wear]; continue after the last jump of an earlier study.
 
     Collective on ``comm``.
@@ -31,11 +39,10 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, options: tuple[str, ...] =
     ConvergenceError : wear or a curve ended early, after everything was written; on every rank
     """
     wear_of(scene)
-    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
-    with goes_on(folder), RunLog(comm, str(folder / "wear.log"), facts=facts) as log:
+    with goes_on(folder), log_of(comm, folder / "wear.log", scene, options) as log:
         structure = build(scene, comm, log)
         wearing, failures = WearingJoint(structure), list[str]()
-        progress = Progress(comm, folder, scene, options, fresh)
+        progress = Progress(comm, folder, scene, options, request.fresh)
         try:
             if progress.note:
                 log.note(progress.note)
