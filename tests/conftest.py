@@ -59,11 +59,14 @@ def options():
 
 
 PICTURES = (
+    "backbone.report.draw_backbone",
+    "backbone.report.draw_forced",
     "compare.report.draw_comparison",
     "modes.campbell.draw_campbell",
     "modes.disc_at_speed.draw_interference",  # before that of `disc`, which it imports by name
     "modes.disc.draw_interference",
     "modes.report.draw_shapes",
+    "search.report.draw",
     "sweep.report.draw_effects",
     "sweep.report.draw_grid",
     "sweep.report.draw_map",

@@ -9,6 +9,7 @@ from microslip.restart import stored_structure
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
     monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
+    monkeypatch.setattr("microslip.studies.backbone.report.draw_backbone", lambda *drawn: None)
 
 
 @pytest.fixture
