@@ -39,11 +39,13 @@ def test_a_universal_file_of_gmsh_is_the_unit_cube():
     assert {"face", "solid"} <= set(model.groups)
 
 
-def test_pyuff_reads_no_groups_that_gmsh_writes():
-    """Why universal files have a reader of this program."""
+def test_pyuff_reads_neither_groups_nor_large_elements_that_gmsh_writes():
+    """Why universal files have a reader of this program: of a hex20 the second line of nodes counts as another element."""
     file = pytest.importorskip("pyuff").UFF(str(DATA / "gmsh_hex20.unv"))
     types = list(file.get_set_types())
     assert 2477 in types and list(file.read_sets(types.index(2477))) == ["type"]
+    by_descriptor = file.read_sets(types.index(2412))
+    assert len(by_descriptor[116][0]["nodes_nums"]) == 8 and {kind for kind in by_descriptor if kind != "type"} > {95, 116}
 
 
 @pytest.mark.parametrize("hdf5", [False, True])

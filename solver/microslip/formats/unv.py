@@ -1,6 +1,6 @@
 """Read I-deas universal files: nodes (data sets 2411, 781, 15), elements (2412, 780), groups (2467, 2477, 2452, 2435, ...).
 
-pyuff reads nodes and elements, but not the groups that programs write today (2477).
+pyuff 2.5 reads nodes, but neither the groups that programs write today (2477) nor elements of more than eight nodes.
 """
 
 from collections.abc import Iterator
