@@ -91,7 +91,7 @@ def test_what_is_asked_arrives(line, command):
 def test_the_folder_of_a_run_stands_for_its_results(tmp_path):
     (tmp_path / "results.h5").touch()
     assert parse(["plot", str(tmp_path)]).file == str(tmp_path / "results.h5")
-    assert parse(["diff", "a.h5", str(tmp_path)]).other == str(tmp_path / "results.h5")
+    assert parse(["diff", "a.h5", str(tmp_path)]).options["other"] == str(tmp_path / "results.h5")
     assert parse(["report", str(tmp_path.parent)]).file == str(tmp_path.parent)
 
 

@@ -132,7 +132,7 @@ def test_the_linear_response_has_no_maximum_where_elements_of_a_sticking_pair_sl
     assert [top.omega for top in tops(settled)] == [1.0] and tops(slips) == []
 
 
-def test_a_maximum_between_two_points_is_that_of_the_linear_response():
+def test_a_maximum_between_two_points_is_that_of_the_linear_response(monkeypatch):
     """The last point of a curve lies beyond the peak, that before far below it: no point is a maximum."""
     curve, (peak,) = peaks(damper(), 1.0, 1, 128)
     beyond = next(point for point in curve.points if point.omega > 1.002 * peak.omega)
@@ -140,10 +140,14 @@ def test_a_maximum_between_two_points_is_that_of_the_linear_response():
     model, law = reduced(damper(), COMM, 1)
     problem = forced(model, law, 128, 1.0)
     assert peaks_of(problem, curve, 1e-9) == []
-    (between,) = peaks_of(problem, curve, 1e-9, curve=linear_curve(model, Sweep(*damper()["omega"])))
+    linear = linear_curve(model, Sweep(*damper()["omega"]))
+    (between,) = peaks_of(problem, curve, 1e-9, curve=linear)
     assert between.omega == pytest.approx(peak.omega, rel=1e-9)
     assert between.amplitude == pytest.approx(peak.amplitude, rel=1e-7)
     assert between.within == 0.0 and between.slipping == 0
+    monkeypatch.setattr(Maximum, "correct", lambda self, corrector, system, guess: SimpleNamespace(failure="diverged"))
+    (unsolved,) = peaks_of(problem, curve, 1e-9, curve=linear)
+    assert unsolved.within > 0.0 and unsolved.omega in {point.omega for point in curve.points}
 
 
 @pytest.fixture

@@ -263,6 +263,7 @@ def peak_about(
     harmonics = harmonics_of(branch, point, problem.equation.harmonics)
     equation = equation_at(point, problem.equation, harmonics)
     before, start, after = (iterate_of(branch.points[k], problem, harmonics) for k in (top.between[0], top.point, top.between[1]))
+    solved = start
     if top.omega is not None:
         start = replace(start, U=equation.linear_motion(problem.at((top.omega,))), parameters=(top.omega,))
     around = [there.parameter for there in (before, start, after)]
@@ -274,7 +275,7 @@ def peak_about(
         system = BorderedSystem(solver.problem, (), scaling, every)
         corrector = workspace.corrector(equation, solver.resolution)
         solution = Maximum(output, 0, forward, (before, after)).correct(corrector, system, start)
-        there, newton, within = (start, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
+        there, newton, within = (solved, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
         forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
         amplitude = complex(outputs_at(equation, at, forces)[output])
         width = half_power_width(branch, output, top.between, at.omega, abs(amplitude))

@@ -76,7 +76,7 @@ def parse(arguments: list[str]) -> Command:
         values["swept"] = tuple(text for text in settings if is_swept(text))
         settings = tuple(text for text in settings if not is_swept(text))
     name, file, out = values.pop("command"), values.pop("file", ""), values.pop("out", None)
-    stated = {option: value for option, value in values.items() if value not in (None, (), False)}
+    stated = {option: value for option, value in values.items() if value is not None and value is not False and value != ()}
     return Command(name, file, out, petsc_options(petsc), settings, stated)
 
 
