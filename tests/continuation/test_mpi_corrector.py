@@ -13,6 +13,7 @@ from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
+from microslip.harmonic.newton_solver import NewtonSolver
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -71,3 +72,23 @@ def test_a_motion_is_marched_once(monkeypatch):
     corrector.destroy()
     assert correction.failure is None and correction.newton > 2
     assert len(motions) - len(set(motions)) <= 1 or not system.equation.n_owned
+
+
+@pytest.mark.parametrize("error, is_repeated", [(1e-3, False), (0.1, True)])
+def test_a_failed_solve_in_single_precision_is_repeated_where_its_newton_systems_were_not_solved(monkeypatch, error, is_repeated):
+    """In double precision; the residual of the last system, in double precision, says whether it was solved."""
+    system, guess = jenkins()
+    corrector = Corrector(COMM, guess.U.shape, 1e-10)
+    solve, in_double = corrector.newton_solver.solve, []
+
+    def rough(at, b_U, b_nu, border, exactness):
+        in_double.append(exactness.in_double)
+        step = solve(at, b_U, b_nu, border, exactness)
+        return dataclasses.replace(step, d_xi=0.0 * step.d_xi, d_nu_owned=0.0 * b_nu, product=(1.0 - error) * b_U)
+
+    monkeypatch.setattr(NewtonSolver, "is_single", property(lambda solver: not in_double[-1]))
+    monkeypatch.setattr(corrector.newton_solver, "solve", rough)
+    correction = corrector.correct(system, guess)
+    corrector.destroy()
+    assert correction.failure is not None and not in_double[0]
+    assert in_double[-1] is is_repeated

@@ -30,6 +30,7 @@ MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
 SHARP = 5.0  # tolerances: allowed error of the motion of a point, by its last Newton step
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
+EXACT = 10.0  # tolerances of GMRES: residual of a Newton system up to which single precision is not what failed
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
 
@@ -149,6 +150,7 @@ class NewtonSystem:
     scaling: Scaling
     exactness: Exactness
     step: Step | None = None
+    right: np.ndarray | None = None  # (n_owned, 3, N_H) right-hand side of the step
     as_vector: np.ndarray | None = None  # the step as this rank's part of PETSc's vector
 
     def is_step(self, values: np.ndarray) -> bool:
@@ -184,6 +186,7 @@ class Corrector:
         self.n_U = int(np.prod(shape))
         self.newton_solver = NewtonSolver(comm)
         self._patience, self._history = PATIENCE, [0.0]
+        self._newton: NewtonSystem | None = None
         n_local = self.n_U + self.k * int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=comm)
         self._r = self._x.duplicate()
@@ -251,7 +254,7 @@ class Corrector:
             if attempts[-1].reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
                 self.newton_solver.ask_for_preconditioner()
                 attempts.append(self._solve(system, guess, exactness))
-            if attempts[-1].reason <= 0 and self.newton_solver.is_single:
+            if attempts[-1].reason <= 0 and self.newton_solver.is_single and not self._is_exact():
                 attempts.append(self._solve(system, guess, replace(exactness, in_double=True)))
         last = attempts[-1]
         self.newton_solver.weigh(last.newton, last.krylov, exactness.weight)
@@ -274,6 +277,14 @@ class Corrector:
         if reason <= 0 and is_of_this_solve and norm <= self._snes.getTolerances()[1]:  # beyond the tolerance no progress is left
             reason = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
         return Attempt(reason, self._snes.getIterationNumber(), self._snes.getLinearSolveIterations())
+
+    def _is_exact(self) -> bool:
+        """Return whether the last step solves its Newton system, by the residual in double precision.  Collective."""
+        at = self._newton
+        if at is None or at.step is None or at.right is None:
+            return False
+        error, size = self.comm.allreduce(np.array([np.sum((at.right - at.step.product) ** 2), np.sum(at.right**2)]))
+        return bool(np.sqrt(error) <= EXACT * RTOL / at.exactness.weight * np.sqrt(size))
 
     def tangent(self, system: BorderedSystem, there: Iterate) -> tuple[np.ndarray, np.ndarray]:
         """Return the tangent (d_xi, d_nu) of the curve by the linearisation at ``there``, d_xi of this rank.  Collective.
@@ -335,10 +346,11 @@ class Corrector:
     def _solve_step(self, b: PETSc.Vec, x: PETSc.Vec) -> tuple[int, int]:
         """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
         values, out, at = b.getArray(readonly=True), x.getArray(), self._newton
+        assert at is not None, "linearised"
         b_U = values[: self.n_U].reshape(self.shape) / at.scaling.rows
         step = at.linear.solve(b_U, self._nu(values), at.border, self.newton_solver, at.exactness)
         self._write(out, step.d_xi, step.d_nu_owned)
-        self._newton = replace(at, step=step, as_vector=out.copy())
+        self._newton = replace(at, step=step, right=b_U, as_vector=out.copy())
         return step.iterations, step.reason
 
     def _multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -347,6 +359,7 @@ class Corrector:
         The line search asks for the product with the step that was solved for last, which is known.
         """
         values, at = x.getArray(readonly=True), self._newton
+        assert at is not None, "linearised"
         d_xi, d_nu = values[: self.n_U].reshape(self.shape), self._nu(values)
         if self.comm.allreduce(at.is_step(values), op=MPI.LAND):
             rows, of_rows = at.step.product, at.border.rows_times(self.comm, d_xi, d_nu)
