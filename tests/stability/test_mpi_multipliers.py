@@ -49,6 +49,7 @@ def test_a_jenkins_oscillator_that_slips_in_every_cycle():
     assert multipliers.n_neutral == 0
     exact = 0.34687006 + 0.27506631j
     assert multipliers.values[:2] == pytest.approx(np.array([exact, exact.conjugate()]), abs=2.5e-4)
+    assert multipliers.values[0] == pytest.approx(0.34678 + 0.27561j, abs=1e-3)  # the reference of the formulation
     assert np.abs(multipliers.values[2:]).max() < 1e-9  # a slider that slips in each cycle forgets
 
 
