@@ -101,7 +101,7 @@ sanitize: $(VENV)/installed $(VENV)/test-tools
 	find $(SANITIZED) -name '*.so' -delete
 	cd $(SANITIZED) && CFLAGS="$(SANITIZERS) -g" LDFLAGS="$(SANITIZERS)" $(CURDIR)/$(IN_VENV) setup.py -q build_ext --inplace
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" ASAN_OPTIONS=detect_leaks=0 \
-		PYTHONPATH=$(SANITIZED)/solver $(ON_ONE) tests/contact tests/receptance
+		PYTHONPATH=$(SANITIZED)/solver $(ON_ONE) tests/contact tests/receptance tests/stability
 
 TESTS = tests
 coverage: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
