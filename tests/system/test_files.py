@@ -13,7 +13,7 @@ import pytest
 
 import microslip
 from microslip.messages.errors import CaseError, ResourceError
-from microslip.system.files import atomic_write, file_errors, forget_pages, make_folder
+from microslip.system.files import atomic_write, file_errors, make_folder
 
 
 def test_the_new_file_appears_at_the_end(tmp_path):
@@ -55,20 +55,6 @@ def test_errors_of_the_system_get_their_status(problem, error):
         with file_errors("/some/file"):
             raise problem
     assert "own" in str(caught.value) or "/some/file" in str(caught.value)
-
-
-@pytest.mark.skipif(not shutil.which("fincore"), reason="util-linux counts pages in memory")
-def test_pages_of_a_file_are_freed(tmp_path):
-    path, pages = tmp_path / "large", []
-    with atomic_write(str(path)) as temporary:
-        Path(temporary).write_bytes(bytes(2**20))
-    for change in (lambda: None, partial(forget_pages, str(path))):
-        change()
-        count = ["fincore", "--noheadings", "--raw", "--output", "PAGES", str(path)]
-        pages.append(int(subprocess.run(count, check=True, capture_output=True, text=True).stdout))
-    if pages[0] == 0:
-        pytest.skip("a file system without cached pages")
-    assert pages[1] == 0 and path.read_bytes() == bytes(2**20)
 
 
 def test_a_folder_in_the_place_of_a_file(tmp_path):

@@ -106,15 +106,6 @@ def _to_disk(path: str) -> None:
         os.close(handle)
 
 
-def forget_pages(path: str) -> None:
-    """Free the memory in which the system caches a file that is on disk: many large files would take all of it.  Local."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_DONTNEED)
-    finally:
-        os.close(handle)
-
-
 def remove_at_end(folder: str) -> None:
     """Have a folder of this process removed when the program ends after a signal, too.  Local."""
     _OF_PROCESS.add(folder)

@@ -32,7 +32,7 @@ from ...results.style import BOXED, FAINT, INK, RC, WIDTH, Page, Titled, level_c
 from ...results.vtk import write_modes
 from ...results.whole_disc import whole_mesh, whole_shapes
 from ...scene.schema import Scene
-from ...system.files import forget_pages, make_folder
+from ...system.files import make_folder
 from ...system.memory import give_back
 from ..records import cell, write_csv
 from .campbell import Crossing
@@ -281,7 +281,6 @@ def write_shapes(
     make_folder(str(folder))
     path = str(folder / f"modes_diameter_{d:02d}.vtkhdf")
     write_modes(path, same_mesh or whole_mesh(parts.mesh, cyclic), omega_n, whole_shapes(shapes, cyclic, d))
-    forget_pages(path)
     return path
 
 
