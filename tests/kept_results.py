@@ -6,7 +6,7 @@ import numpy as np
 from box_meshes import box, mesh_of
 from synthetic_results import branch, pairs_of, write
 
-from microslip.results.fields import Fields, Motion, RunRecord, StageRecord, keep_fields
+from microslip.results.fields import Fields, Motion, RunRecord, StageRecord, store_fields
 
 TITLE = "<script>alert(1)</script> & </title>"
 MESH = mesh_of(
@@ -45,7 +45,7 @@ def kept(folder, **options) -> str:
     path = write(
         folder, [branch(level, pairs, n_outputs=2) for level in LEVELS], pairs, outputs=("tip", "<img src=x>"), **options
     )
-    keep_fields(
+    store_fields(
         path, fields(), RunRecord((StageRecord("modes & more", 1.5, 200.0),), ("date 2026-11-22", "a note </pre><script>"))
     )
     return path

@@ -24,7 +24,7 @@ from microslip.mesh.data import ContactPairs
 from microslip.restart.branch_files import of_point
 from microslip.restart.records import checksum_of, pack
 from microslip.restart.structure_arrays import numbers_of
-from microslip.results.fields import RunRecord, StageRecord, keep_fields
+from microslip.results.fields import RunRecord, StageRecord, store_fields
 
 ROOT = Path(__file__).parents[1]
 N = 6  # rows of the matrices
@@ -144,7 +144,7 @@ def _results(folder: Path) -> list[bytes]:
         outputs=("tip", "root"),
         linear=False,
     )
-    keep_fields(path, fields(), RunRecord((StageRecord("modes", 1.5, 200.0),), ("a note",)))
+    store_fields(path, fields(), RunRecord((StageRecord("modes", 1.5, 200.0),), ("a note",)))
     return [Path(path).read_bytes()]
 
 

@@ -31,7 +31,7 @@ from microslip.contact.law import STICK
 from microslip.continuation import acceptance, corrector, follow
 from microslip.continuation.grid import at_frequencies
 from microslip.continuation.task import BranchTask
-from microslip.harmonic import balance, clustered, linearisation, newton_solver, preconditioner
+from microslip.harmonic import balance, linearisation, newton_solver, preconditioner, subdomain_preconditioners
 from microslip.points.selection import AllPairs
 from microslip.receptance import columns
 from microslip.receptance.static_columns import StaticColumns
@@ -50,7 +50,7 @@ GROUPS = [
     (newton_solver.NewtonSolver, "_multiply", "Krylov products, besides G p"),
     (newton_solver.NewtonSolver, "_precondition", "preconditioner: applying"),
     (preconditioner.HarmonicPreconditioner, "__init__", "preconditioner: factoring"),
-    (clustered.ClusteredPreconditioner, "__init__", "preconditioner: factoring"),
+    (subdomain_preconditioners.SubdomainPreconditioner, "__init__", "preconditioner: factoring"),
     (newton_solver.NewtonSolver, "solve", "Newton step, besides"),
     (corrector.Corrector, "_residual", "residual, besides"),
     (corrector.Corrector, "_linearise", "Jacobian, besides"),

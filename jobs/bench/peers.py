@@ -87,7 +87,7 @@ def cases(folder: Path, names: list[str]) -> Iterator[tuple[str, Case]]:
             "one mass that slides along a line and moves across it", plane(folder, of, mass), ("TMDSimPy", "pyHarm")
         ),
         "circle": lambda: Case(
-            "the mass on a friction circle, where sliders creep", of("spatial.toml", circle, **mass), (), ("pyHarm",)
+            "the mass on a friction circle, where sliders drift", of("spatial.toml", circle, **mass), (), ("pyHarm",)
         ),
         "separate": lambda: Case(
             "the mass with a limit for each direction",

@@ -54,14 +54,14 @@ def console() -> NoReturn:
 
 def main(arguments: list[str]) -> int:
     """Run the program and return its exit status.  Collective on all ranks."""
-    no_room = too_little_address_space()
-    comm = None if no_room else _world()
+    lack_of_memory = too_little_address_space()
+    comm = None if lack_of_memory else _world()
 
     def action() -> int:
         obey_signals(launcher_rank() == 0)
         command = parse(arguments)
-        if no_room:
-            raise ResourceError(no_room)
+        if lack_of_memory:
+            raise ResourceError(lack_of_memory)
         with no_exit():
             return _perform(command, comm)
 

@@ -14,7 +14,7 @@ from .library.origin_of_run import origin_of
 from .library.result_files import shapes_of, write_shapes
 from .messages.errors import ConvergenceError
 from .observe.log import RunLog
-from .observe.stops import goes_on
+from .observe.stops import explaining_continuation
 from .parallel.agree import on_root
 from .restart.cache import cache_of
 from .restart.folder import Finished, Restart
@@ -65,7 +65,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         **versions(),
     }
     origin = origin_of(scene, comm)
-    with goes_on(output), RunLog(comm, str(output / "run.log"), screen=options.screen, facts=facts) as log:
+    with explaining_continuation(output), RunLog(comm, str(output / "run.log"), screen=options.screen, facts=facts) as log:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))

@@ -17,7 +17,7 @@ N_H, SEPARATE = 7, 77
 
 
 def limits(n, seed):
-    """Return which pairs have separate limits; on a circle sliders creep, which plain marching takes long to come to the end of."""
+    """Return which pairs have separate limits; on a circle sliders drift, which plain marching takes long to come to the end of."""
     return np.ones(n, dtype=bool) if seed == SEPARATE else np.random.default_rng(seed).random(n) < 0.5
 
 

@@ -70,7 +70,7 @@ def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
     cycle = law.cycle(U, N_t, tangents=False)
     expected, is_settled = path_harmonics(U, law, N_t)
     force = np.abs(law.N0) + stiffness(law) * size_of(U, law)
-    assert np.all((np.abs(cycle.p - expected).max(axis=(1, 2)) <= 1e-9 * force)[is_settled & ~cycle.creeps])
+    assert np.all((np.abs(cycle.p - expected).max(axis=(1, 2)) <= 1e-9 * force)[is_settled & ~cycle.drifts])
 
 
 @pytest.mark.slow
@@ -98,7 +98,7 @@ def test_return_map_at_samples_meets_the_oracle(joint):
 @pytest.mark.parametrize("separate", [False, True])
 @pytest.mark.parametrize("sampled", [False, True])
 def test_jacobian_meets_central_differences(sampled, separate):
-    """All but the few pairs that change at a sample within the difference; sliders that creep, or rest where they crept, too."""
+    """All but the few pairs that change at a sample within the difference; sliders that drift, or rest where they drifted, too."""
     rng, n, N_H = np.random.default_rng(3), 400, 7
     U = rng.standard_normal((n, 3, N_H)) / [1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]
     mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
@@ -109,7 +109,7 @@ def test_jacobian_meets_central_differences(sampled, separate):
     ahead, behind = (law.cycle(U + s * h * V, 64, tangents=False).p for s in (1.0, -1.0))
     slope = np.einsum("nij,nj->ni", cycle.P, V[cycle.active].reshape(len(cycle.active), -1)).reshape(-1, 3, N_H)
     errors = np.abs((ahead - behind)[cycle.active] / (2.0 * h) - slope).max(axis=(1, 2))
-    assert len(cycle.active) > 0.85 * n and np.mean(errors < 1e-7) > 0.985 and not cycle.creeps.any()
+    assert len(cycle.active) > 0.85 * n and np.mean(errors < 1e-7) > 0.985 and not cycle.drifts.any()
 
 
 @pytest.mark.slow
@@ -358,7 +358,7 @@ def test_settled_pairs_are_not_marked_as_slipping_by_roundoff():
 
 
 def many(n=300, seed=3, **changed):
-    """Pairs in slip, lift-off and creep, and their motion."""
+    """Pairs in slip, lift-off and drift, and their motion."""
     rng = np.random.default_rng(seed)
     U = rng.standard_normal((n, 3, 7)) / [1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]
     mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
@@ -367,7 +367,7 @@ def many(n=300, seed=3, **changed):
 
 @pytest.mark.parametrize("sampled", [False, True])
 def test_it_is_the_cycle_that_repeats(sampled):
-    """From the sliders at its end the same cycle follows: where one slips, where it rests after creeping, after two periods or 50."""
+    """From the sliders at its end the same cycle follows: where one slips, where it rests after drifting, after two periods or 50."""
     U, law = many(sampled=sampled)
     cycle = law.cycle(U, 64)
     start = (
@@ -379,12 +379,12 @@ def test_it_is_the_cycle_that_repeats(sampled):
     shifted = cycle.p.copy()
     shifted[:, :2, 0] += law.k_t[:, None] * start
     error = np.abs(again.p - shifted).max(axis=(1, 2))
-    assert not cycle.creeps.any() and rests.sum() > 5
+    assert not cycle.drifts.any() and rests.sum() > 5
     assert np.all(error[rests] < 1e-10) and np.all(error[cycle.state != STICK] < 1e-9)  # slip forgets where it began
 
 
 @pytest.mark.slow
-def test_a_slow_creep_is_not_taken_for_a_cycle():
+def test_a_slow_drift_is_not_taken_for_a_cycle():
     """Pairs whose sliders still move by a hundredth of their way after ten periods: two periods are far from the steady state."""
     U, law = many(2000, seed=5)
     du = np.moveaxis(synthesise(U, 64), -1, 0)
@@ -396,11 +396,11 @@ def test_a_slow_creep_is_not_taken_for_a_cycle():
         T, _, _ = path.line_step(T, law.k_t[:, None] * (du[j] - du[i])[:, :2], N[i], N[j], law.mu, law.separate)
         if j == 0:
             ends.append(T)
-    creeps = np.abs(ends[-1] - ends[-2]).max(axis=1) > 1e-3
-    expected, is_settled = path_harmonics(U[creeps], law.take(creeps), 64)
-    cycle = law.take(creeps).cycle(U[creeps], 64, tangents=False)
-    assert creeps.sum() > 10 and np.mean(is_settled) > 0.9
-    error = np.abs(cycle.p - expected).max(axis=(1, 2))[is_settled & ~cycle.creeps]
+    drifts = np.abs(ends[-1] - ends[-2]).max(axis=1) > 1e-3
+    expected, is_settled = path_harmonics(U[drifts], law.take(drifts), 64)
+    cycle = law.take(drifts).cycle(U[drifts], 64, tangents=False)
+    assert drifts.sum() > 10 and np.mean(is_settled) > 0.9
+    error = np.abs(cycle.p - expected).max(axis=(1, 2))[is_settled & ~cycle.drifts]
     assert np.all(error < 1e-7)
 
 
@@ -461,7 +461,7 @@ def test_a_slider_between_two_samples_drifts_to_the_line_through_them(excess, n_
     law = ElasticCoulomb(mu=0.5 * one, N0=2.0 * one, k_t=one, k_n=one, separate=np.zeros(1, dtype=bool))
     U[0, 0, 1], U[0, 1, 3] = 1.0 + excess, 0.3  # x = (1 + excess) cos t, y = 0.3 cos 2 t, within 1 about y = 0.3 between the ends
     cycle = law.cycle(U, n_samples, tangents=False)
-    assert not cycle.creeps[0] and cycle.state[0] == SLIP
+    assert not cycle.drifts[0] and cycle.state[0] == SLIP
     assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)  # the path between the samples has ends of order excess
     nearby = law.cycle(U * (1.0 + 1e-12), n_samples, tangents=False)
     assert np.abs(nearby.p - cycle.p).max() < 1e-9
@@ -477,7 +477,7 @@ def test_a_slider_pushed_by_two_neighbouring_samples_reaches_its_cycle(phase, ex
     U[0, 0, 1:3] = (1.0 + excess) * np.array([np.cos(angle), np.sin(angle)])
     U[0, 1, 2:4] = across, 0.3
     cycle = law.cycle(U, 128)
-    assert not cycle.creeps[0] and cycle.state[0] == SLIP
+    assert not cycle.drifts[0] and cycle.state[0] == SLIP
     assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)
     h = 1e-9  # the cycle, not the path to it, has this derivative
     ends = [law.cycle(U + way * h * np.eye(15)[6].reshape(1, 3, 5), 128, tangents=False).p for way in (-1.0, 1.0)]

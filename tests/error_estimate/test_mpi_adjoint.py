@@ -52,7 +52,7 @@ def test_it_gives_the_derivative_of_the_outputs_by_the_law(name):
     rate = adjoint.by_law(vary)
     estimator.destroy()
     slope = (outputs(1.0 + 1e-5) - outputs(1.0 - 1e-5)) / 2e-5
-    assert adjoint.is_found and adjoint.tau.shape == adjoint.chi.shape
+    assert adjoint.is_solved and adjoint.tau.shape == adjoint.chi.shape
     assert np.abs(rate - slope).max() < 1e-4 * np.abs(slope).max()
     with pytest.raises(ValueError, match="changes the structure"):
         adjoint.by_law(LawParameter("k_t", np.arange(2), system["k_t"]))
@@ -81,5 +81,5 @@ def test_steps_with_one_linearisation_share_the_operands_of_their_products(monke
     solved = [at.solve_several(step, solver) for at, step in zip((one, one, other), steps)]
     solver.destroy()
     assert len(made) == 2
-    for (dU, dp, is_found), (right_dU, right_dp, _) in zip(solved, expected):
-        assert is_found and dU == pytest.approx(right_dU, rel=1e-7, abs=1e-9) and dp == pytest.approx(right_dp, rel=1e-6)
+    for (dU, dp, is_solved), (right_dU, right_dp, _) in zip(solved, expected):
+        assert is_solved and dU == pytest.approx(right_dU, rel=1e-7, abs=1e-9) and dp == pytest.approx(right_dp, rel=1e-6)

@@ -150,10 +150,10 @@ def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
     B[1:2] = B[0:1] * 1e-10
     solver = adjoint_solver.AdjointSolver(COMM)
     try:
-        chi, tau, is_found = linear.solve_transposed(B, solver)
+        chi, tau, is_solved = linear.solve_transposed(B, solver)
     finally:
         solver.destroy()
-    assert is_found
+    assert is_solved
     assert not chi[2].any()
     np.testing.assert_allclose(chi[1], 1e-10 * chi[0], rtol=1e-5, atol=1e-12 * np.abs(chi[1]).max(initial=0.0))
     # v . (1 + G^T P^T) chi = (v + P G v) . chi  for any motion's force v: against the forward operators

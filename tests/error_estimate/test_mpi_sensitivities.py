@@ -59,7 +59,7 @@ def sensitivities(equation, omega=OMEGA, level=LEVEL):
     solver = exact_adjoints(equation)
     derivatives = sensitivities_of(equation, at, U, equation.every_pair, solver)
     solver.destroy()
-    assert derivatives.is_found
+    assert derivatives.is_solved
     return derivatives
 
 

@@ -100,7 +100,7 @@ def test_the_transposed_system_is_solved(direct, monkeypatch):
     options, solver = PETSc.Options(), AdjointSolver(COMM)
     options["hb_ksp_rtol"] = "1e-7"  # its products are in single precision
     try:
-        chi, tau, is_found = linear.solve_transposed(B, solver)
+        chi, tau, is_solved = linear.solve_transposed(B, solver)
     finally:
         options.delValue("hb_ksp_rtol")
         solver.destroy()
@@ -111,7 +111,7 @@ def test_the_transposed_system_is_solved(direct, monkeypatch):
     expected = np.linalg.solve(np.eye(2 * size) + linear.G.matrix().T @ P_all.T, B.reshape(2, -1).T).T
     shape = (2, -1, size)
     by_pair = np.concatenate(COMM.allgather(chi.reshape(shape)), axis=1).reshape(2, -1)
-    assert is_found
+    assert is_solved
     np.testing.assert_allclose(by_pair, expected, atol=1e-5 * np.abs(expected).max())
     p_t = np.concatenate(COMM.allgather(tau.reshape(shape)), axis=1).reshape(2, -1)
     np.testing.assert_allclose(p_t, expected @ P_all, atol=1e-5 * np.abs(expected @ P_all).max())

@@ -212,7 +212,7 @@ def test_the_adjoint_gives_the_gradient_of_the_forces_along_the_solution(name):
 
     try:
         linear, here = solved(0.0)
-        _, tau, is_found = linear.solve_transposed(B, solver)
+        _, tau, is_solved = linear.solve_transposed(B, solver)
         (rate,) = problem.rates(unit)
         slope = -parameter * COMM.allreduce(float(np.vdot(tau[0], linear.rate(rate))))
         remainders = [abs(solved(h)[1] - here - h * slope) for h in STEPS]
@@ -220,7 +220,7 @@ def test_the_adjoint_gives_the_gradient_of_the_forces_along_the_solution(name):
         options.delValue("hb_ksp_rtol")
         corrector.destroy()
         solver.destroy()
-    assert is_found and len(linear.forces.active) == 2
+    assert is_solved and len(linear.forces.active) == 2
     assert_square_of_step(remainders, abs(slope))
 
 

@@ -87,7 +87,7 @@ def test_all_motions_with_mass():
     mass = np.zeros(400)
     mass[::50] = 1.0
     linearised = structure(K, sp.diags(mass).tocsr())
-    modes = lowest_modes(linearised, 12, fewer_will_do=True)
+    modes = lowest_modes(linearised, 12, allows_fewer=True)
     inertial = np.linalg.inv(K.toarray())[::50, ::50]
     np.testing.assert_allclose(modes.omega_n, np.sort(1.0 / np.sqrt(np.linalg.eigvalsh(inertial))), rtol=1e-9)
     linearised.destroy()

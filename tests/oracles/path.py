@@ -11,7 +11,7 @@ import numpy as np
 
 from .compiled import arguments, compiled
 
-PLAIN, MORE, JUMPS = 12, 500, 40  # periods marched one by one, of those that creep, and jumps beyond them
+PLAIN, MORE, JUMPS = 12, 500, 40  # periods marched one by one, of those that drift, and jumps beyond them
 REPEATS = 1e-14  # change of T in a period, over the pair's forces, of a cycle that repeats
 
 
@@ -34,7 +34,7 @@ class Cycle:
     T: np.ndarray  # (N_t, n, 2) N
     area: np.ndarray  # (N_t, n, 2) N, of the steps that lead to the samples
     slip: np.ndarray  # (n,) N, the most that slip took of T in a step
-    change: np.ndarray  # (n,) N, of T over the period; of those that creep what may be left of it in all
+    change: np.ndarray  # (n,) N, of T over the period; of those that drift what may be left of it in all
 
 
 def steady(du, N, k_t, mu, separate, w0=0.0):
@@ -61,30 +61,30 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
         if np.all(cycle.change <= REPEATS * size):
             break
         cycle, before = period(cycle.T[0], every), cycle.change
-    creeps = np.flatnonzero(cycle.change > REPEATS * size)
+    drifts = np.flatnonzero(cycle.change > REPEATS * size)
     slow = (cycle.change > 0.5 * before) & (cycle.change > 1e-15 * size) & (before > 0.0)  # little a period, and much in all
     cycle.change[slow] /= np.maximum(1.0 - cycle.change[slow] / before[slow], 1e-6)
-    T, slowest = cycle.T[0, creeps], np.zeros(len(creeps))
-    for _ in range(MORE if len(creeps) else 0):  # a jump may lead beyond the end of the way, to where nothing moves the slider
-        one = period(T, creeps)
+    T, slowest = cycle.T[0, drifts], np.zeros(len(drifts))
+    for _ in range(MORE if len(drifts) else 0):  # a jump may lead beyond the end of the way, to where nothing moves the slider
+        one = period(T, drifts)
         T = one.T[0]
-        if np.all(one.change <= 1e-15 * size[creeps]):
+        if np.all(one.change <= 1e-15 * size[drifts]):
             break
-    for _ in range(JUMPS if len(creeps) else 0):  # Aitken's formula
-        one = period(T, creeps)
-        two = period(one.T[0], creeps)
+    for _ in range(JUMPS if len(drifts) else 0):  # Aitken's formula
+        one = period(T, drifts)
+        two = period(one.T[0], drifts)
         c, d = one.T[0] - T, two.T[0] - one.T[0]
         rate = (c * d).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300)
-        rate = np.where((two.slip > 1e-13 * size[creeps]) & (rate > 0.0) & (rate < 1.0), rate, 0.0)
+        rate = np.where((two.slip > 1e-13 * size[drifts]) & (rate > 0.0) & (rate < 1.0), rate, 0.0)
         T, slowest = two.T[0] + d * (rate / (1.0 - rate))[:, None], np.maximum(rate, slowest)
-        if np.all(two.change <= 1e-15 * size[creeps]):  # rounding alone
+        if np.all(two.change <= 1e-15 * size[drifts]):  # rounding alone
             break
-    if len(creeps):
-        last = period(T, creeps)
+    if len(drifts):
+        last = period(T, drifts)
         for name in ("T", "area"):
-            getattr(cycle, name)[:, creeps] = getattr(last, name)
-        left = np.maximum(two.change, 1e-15 * size[creeps]) / (1.0 - slowest)  # rounding, in all periods to come
-        cycle.slip[creeps], cycle.change[creeps] = last.slip, np.maximum(last.change, left)
+            getattr(cycle, name)[:, drifts] = getattr(last, name)
+        left = np.maximum(two.change, 1e-15 * size[drifts]) / (1.0 - slowest)  # rounding, in all periods to come
+        cycle.slip[drifts], cycle.change[drifts] = last.slip, np.maximum(last.change, left)
     return cycle if n_samples > 1 else Cycle(cycle.T, cycle.area, at_once, cycle.change)
 
 

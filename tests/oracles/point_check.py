@@ -62,7 +62,7 @@ BOUNDS = {
     "motion": 1e-7,
     "response": 1e-7,
     "force": 1e-5,
-    "law": 1e-8,  # a cycle is one whose sliders come back to 1e-14 of their slip distance, however slowly they creep
+    "law": 1e-8,  # a cycle is one whose sliders come back to 1e-14 of their slip distance, however slowly they drift
     "energy": 1e-4,
     "reported": 1e-5,
     "friction_limit": 1e-9,

@@ -8,7 +8,7 @@ the stuck structure, and
 
 is integrated exactly for a p that is linear within a step, and shifted there by the area that its corners leave.  What is stuck is
 exact, then; the rest is of second order in the step.  The state at the begin of a period is x = (y, y', p_t): sliders stand at
-w = -p_t / k_t.  A state that a period leaves as it was is found by Newton's method, so that neither slow decay nor creeping
+w = -p_t / k_t.  A state that a period leaves as it was is found by Newton's method, so that neither slow decay nor drifting
 sliders need time, nor need the motion be stable; sliders that do not move in the period stay where they stand.
 """
 
@@ -53,7 +53,7 @@ class Steady:
     mean: float  # m
     x: np.ndarray  # (2 n + 2 m,) state at the begin of the period
     distance: float  # from the steady state, by Newton's step, over the size of the state
-    creeps: float  # share of a slider's way that a period leaves
+    drifts: float  # share of a slider's way that a period leaves
     fold: float  # smallest singular value of the derivative of (end - begin): 0 at a fold, where small errors go far
     moved: np.ndarray  # (m,) bool: sliders that move in the period
 
@@ -212,7 +212,7 @@ class Point:
             mean=float(output.mean()),
             x=x,
             distance=float(np.abs(np.linalg.lstsq(D, F, rcond=1e-13)[0]).max()),
-            creeps=float(np.abs(rates).max(initial=0.0)),
+            drifts=float(np.abs(rates).max(initial=0.0)),
             fold=float(np.linalg.svd(D)[1][-1]),
             moved=moved[0].reshape(-1, 2).any(axis=1),
         )

@@ -83,7 +83,7 @@ def test_sliders_under_a_given_motion_as_the_law_of_path(separate):
     assert differences[1] < (1e-12 if separate else 5e-3) and (separate or differences[0] > 8.0 * differences[1])
 
 
-def test_a_creeping_slider_needs_no_time():
+def test_a_drifting_slider_needs_no_time():
     """What plain time reaches after many periods is where Newton's method is at once."""
     system = system_of("spatial")
     level, omega, _ = max(system["levels"].values())

@@ -7,7 +7,7 @@ from kept_results import MESH, fields, kept
 from synthetic_results import branch, two_flanks, write
 
 from microslip.messages.errors import CaseError
-from microslip.results.fields import keep_fields, read_fields, read_run
+from microslip.results.fields import read_fields, read_run, store_fields
 from microslip.results.read import read_results
 
 
@@ -31,7 +31,7 @@ def test_results_without_fields_have_none(tmp_path):
     pairs = two_flanks(2, 1)
     path = write(tmp_path, [branch(8.0, pairs, n_points=3)], pairs)
     before = open(path, "rb").read()
-    keep_fields(path, None)
+    store_fields(path, None)
     assert open(path, "rb").read() == before
     assert read_fields(path) is None and read_run(path).stages == ()
 

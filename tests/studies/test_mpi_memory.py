@@ -127,7 +127,7 @@ def test_check_warns_where_a_run_would_be_refused(comm, shared_path, program, mo
 def test_static_columns_are_asked_for_where_they_are_many(comm, monkeypatch):
     system, pairs = lattices.lattice(comm)
     linearised = linearise(system, pairs)
-    monkeypatch.setattr(stuck, "_ASKED_FROM", 0.0)
+    monkeypatch.setattr(stuck, "_CHECKED_FROM", 0.0)
     columns = stuck.static_response(linearised).G_static
     columns.require(np.array([0]))
     limited(monkeypatch, lambda: 1.0)

@@ -51,7 +51,7 @@ def test_a_march_by_blocks_of_rows_is_the_same(monkeypatch):
 
 def test_what_does_not_fit_is_refused_before_a_column_is_solved_for(monkeypatch):
     model, law = reduced(system_of("chain"), COMM, 3)
-    monkeypatch.setattr(transient_model, "_ASKED_FROM", 0.0)
+    monkeypatch.setattr(transient_model, "_CHECKED_FROM", 0.0)
     needed, left = 72.0 * model.n_pairs**2 * (2 if COMM.size == 1 else 4), 0.0
     monkeypatch.setattr(memory, "limits_here", lambda machine, process, resident: [Limit("the test", machine, left)])
     left = needed - 1.0

@@ -43,7 +43,7 @@ ROUNDING = 1e-9  # of the peak
 FOLD = 0.01  # smallest singular value of a period less 1, below which a solution lies beside a fold
 MORE = 15  # harmonics of solutions from which integration begins where it has left the point
 PUSHED = 1e-6  # over the stuck motion
-CREEPS = 0.1  # of a slider's way that a period leaves, at least
+DRIFTS = 0.1  # of a slider's way that a period leaves, at least
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Judged:
     mean: float = np.nan  # error of the constant part
     own: float = np.nan  # of time integration
     distance: float = np.inf
-    creeps: float = 0.0
+    drifts: float = 0.0
     history: float = 0.0  # how far resting sliders were left from where the rule (3.5) puts them, over the stuck motion
     state: tuple[int, ...] = ()
 
@@ -155,8 +155,8 @@ def judge(computed: list[Found], steps: int = STEPS) -> list[Judged]:
             steady, one.history = point.by_rule(point.state_of(p), steps)
             coarse = point.steady(steady.x, steps // 2).amplitude
             one.error, one.own = abs(steady.amplitude / peak - amplitude), abs(coarse - steady.amplitude) / peak
-            one.mean, one.distance, one.creeps = abs(steady.mean / peak - mean), steady.distance, steady.creeps
-            one.kinds += ["creeps"] * (one.creeps >= CREEPS) + ["beside a fold"] * (steady.fold < FOLD)
+            one.mean, one.distance, one.drifts = abs(steady.mean / peak - mean), steady.distance, steady.drifts
+            one.kinds += ["drifts"] * (one.drifts >= DRIFTS) + ["beside a fold"] * (steady.fold < FOLD)
             one.kinds += ["sliders pushed on the way"] * (one.history > PUSHED)
     return [one for of in computed for one in of.judged]
 
@@ -174,7 +174,7 @@ def judge_from_more(computed: Found, i: int, steps: int = STEPS, harmonics: int 
             steady, history = point.by_rule(point.state_of(np.asarray(solution.p)), steps)
             error = abs(steady.amplitude / peak - amplitude)
             if steady.distance <= STEADY and error < one.error:
-                one.error, one.distance, one.creeps, one.history = error, steady.distance, steady.creeps, history
+                one.error, one.distance, one.drifts, one.history = error, steady.distance, steady.drifts, history
                 one.kinds += [f"judged from {harmonics} harmonics"] + ["beside a fold"] * (steady.fold < FOLD)
 
 
@@ -252,7 +252,7 @@ def main():
         parts = ", ".join(f"{name} {value:.1e}" for name, value in one.parts.items() if value > 0.0)
         print(
             f"system {one.number}, level {one.level:.4g}, omega {one.omega:.6g}, H {one.H}, {one.samples} samples: error {one.error:.1e}, "
-            f"bar {one.bar:.1e} ({parts}), mean {one.mean:.1e}, creeps {one.creeps:.2f}, history {one.history:.0e}, states {one.state}, {', '.join(one.kinds)}; "
+            f"bar {one.bar:.1e} ({parts}), mean {one.mean:.1e}, drifts {one.drifts:.2f}, history {one.history:.0e}, states {one.state}, {', '.join(one.kinds)}; "
             f"{'; '.join(one.notes)}"
         )
 

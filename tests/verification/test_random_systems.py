@@ -25,7 +25,7 @@ def test_bars_hold_as_often_as_they_say_and_ten_times_as_short_would_not():
     """They are not so long that they hold whatever the error.  One test: processes side by side would each judge all points."""
     points = judged()
     by_key = {kind for one in points for kind in one.kinds}
-    assert len(points) >= 20 and {"circle", "separate", "varying normal force", "gap", "opens", "creeps"} <= by_key
+    assert len(points) >= 20 and {"circle", "separate", "varying normal force", "gap", "opens", "drifts"} <= by_key
     assert all(one.is_steady for one in points) and max(one.own for one in points) < 1e-3
     assert np.mean([one.holds for one in points]) >= 0.95
     assert np.mean([replace(one, bar=0.1 * one.bar).holds for one in points]) < 0.8

@@ -39,7 +39,7 @@ class Constraints:
     row_ranges: np.ndarray  # (size + 1,) and these rows of the system
     points: tuple[Point, ...]
     group_nodes: tuple[int, ...]  # a node of the group of each point
-    clusters: np.ndarray  # (n_parts,) which connected parts are tied into one, numbered from 0
+    tied_bodies: np.ndarray  # (n_parts,) which connected parts are tied into one, numbered from 0
     loose: tuple[np.ndarray, ...]  # the connected parts of each of these that nothing but joints holds
     notes: tuple[str, ...]  # what follows what, for the log
     attached: Attached | None = None  # masses, springs and dampers
@@ -98,7 +98,7 @@ class Constraints:
 
 
 def constrain(
-    dmesh: DistributedMesh, links: Links, is_fixed: np.ndarray, clusters: np.ndarray, loose: tuple[np.ndarray, ...]
+    dmesh: DistributedMesh, links: Links, is_fixed: np.ndarray, tied_bodies: np.ndarray, loose: tuple[np.ndarray, ...]
 ) -> Constraints:
     """Return T with the numbering of its rows and columns.  Local; the same on every rank.
 
@@ -116,7 +116,7 @@ def constrain(
     group_nodes = tuple(links.node_of(point.name) for point in links.points)
     T = _transformation(links, dof.ravel(), free.ravel(), (n_nodal + of_points.size, int(row_ranges[-1])))
     return Constraints(
-        T, dof, free, nodal_ranges, row_ranges, links.points, group_nodes, clusters, loose, links.notes, links.attached
+        T, dof, free, nodal_ranges, row_ranges, links.points, group_nodes, tied_bodies, loose, links.notes, links.attached
     )
 
 

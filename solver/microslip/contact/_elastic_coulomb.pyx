@@ -24,7 +24,7 @@ cdef extern from "elastic_coulomb.h" nogil:
 
 ctypedef int (*leaves_of)(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsigned char *leaves) nogil
 ctypedef int (*march_of)(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t m, const Py_ssize_t *active, double *p,
-                         unsigned char *state, unsigned char *creeps, double *P) nogil
+                         unsigned char *state, unsigned char *drifts, double *P) nogil
 
 cdef extern from "elastic_coulomb.h":
     leaves_of chosen_leaves "OF_THIS_PROCESSOR(aft_leaves)"
@@ -75,14 +75,14 @@ def leaves(Sampling sampling, Pairs pairs, unsigned char[::1] found):
 
 
 def march(Sampling sampling, Pairs pairs, const Py_ssize_t[::1] active, double[:, :, ::1] p, unsigned char[::1] state,
-          unsigned char[::1] creeps, double[:, :, ::1] P):
-    """Write p, state, creeps and, unless it is None, P of the ``active`` pairs; there must be at least one."""
+          unsigned char[::1] drifts, double[:, :, ::1] P):
+    """Write p, state, drifts and, unless it is None, P of the ``active`` pairs; there must be at least one."""
     cdef int status
     cdef double *to_P = NULL
     if P is not None:
         to_P = &P[0, 0, 0]
     with nogil:
-        status = chosen_march(&sampling.c, &pairs.c, active.shape[0], &active[0], &p[0, 0, 0], &state[0], &creeps[0],
+        status = chosen_march(&sampling.c, &pairs.c, active.shape[0], &active[0], &p[0, 0, 0], &state[0], &drifts[0],
                            to_P)
     if status != 0:
         raise MemoryError("contact kernel: no memory for its samples")

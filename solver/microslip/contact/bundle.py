@@ -114,12 +114,12 @@ class Bundle:
         springs = np.where(elements.N0 < 0.0, elements.k_t, 0.0)  # of stuck elements that are not part of the stuck pair
         touched, first = np.unique(pair, return_index=True)  # pairs with an element that touches
         p = np.zeros_like(U)
-        state, creeps = np.zeros(n, dtype=np.uint8), np.zeros(n, dtype=bool)
+        state, drifts = np.zeros(n, dtype=np.uint8), np.zeros(n, dtype=bool)
         if len(touched):
             p[touched, :2] = np.add.reduceat(cycle.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
             slips = np.logical_and.reduceat((cycle.state != STICK) | (elements.k_t == 0.0), first)
             state[touched[slips]] = SLIP
-            creeps[touched] = np.logical_or.reduceat(cycle.creeps, first)
+            drifts[touched] = np.logical_or.reduceat(cycle.drifts, first)
         active, start = np.unique(pair[cycle.active], return_index=True)
         P = None
         if cycle.P is not None:
@@ -127,7 +127,7 @@ class Bundle:
             P[:, 2 * N_H :] = 0.0
             of_gaps, i = np.bincount(pair, springs, n)[active], np.arange(2 * N_H)
             P[:, i, i] += of_gaps[:, None]
-        return ContactCycle(p, state, active, P, creeps)
+        return ContactCycle(p, state, active, P, drifts)
 
     def _touch(self, U: np.ndarray, n_samples: int, harmonics: Harmonics | None) -> np.ndarray:
         """Return which elements touch at any sample, (n, size): evaluated for elements with a gap, True for the others."""
@@ -226,7 +226,7 @@ def started(columns: Mapping[str, np.ndarray], size: int) -> np.ndarray | None:
 def _joined(cycles: list[ContactCycle]) -> ContactCycle:
     """Return the concatenation of the cycles of consecutive groups of pairs."""
     starts = np.cumsum([0, *(len(cycle.p) for cycle in cycles)])
-    p, state, creeps = (np.concatenate([getattr(cycle, name) for cycle in cycles]) for name in ("p", "state", "creeps"))
+    p, state, drifts = (np.concatenate([getattr(cycle, name) for cycle in cycles]) for name in ("p", "state", "drifts"))
     active = np.concatenate([cycle.active + start for cycle, start in zip(cycles, starts)])
     P = None if cycles[0].P is None else np.concatenate([cycle.P for cycle in cycles if cycle.P is not None])
-    return ContactCycle(p, state, active, P, creeps)
+    return ContactCycle(p, state, active, P, drifts)

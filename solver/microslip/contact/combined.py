@@ -72,13 +72,13 @@ class CombinedLaw:
         if self.n_pairs != len(U):
             raise ValueError(f"harmonics of {len(U)} pairs with the law of {self.n_pairs}")
         cycles = [(pairs, law.cycle(U[pairs], n_samples, tangents, harmonics)) for pairs, law in self.parts]
-        p, state, creeps = np.zeros_like(U), np.zeros(len(U), dtype=np.uint8), np.zeros(len(U), dtype=bool)
+        p, state, drifts = np.zeros_like(U), np.zeros(len(U), dtype=np.uint8), np.zeros(len(U), dtype=bool)
         for pairs, cycle in cycles:
-            p[pairs], state[pairs], creeps[pairs] = cycle.p, cycle.state, cycle.creeps
+            p[pairs], state[pairs], drifts[pairs] = cycle.p, cycle.state, cycle.drifts
         active = np.concatenate([pairs[cycle.active] for pairs, cycle in cycles])
         order = np.argsort(active)
         P = np.concatenate([cycle.P for _, cycle in cycles if cycle.P is not None])[order] if tangents else None
-        return ContactCycle(p, state, active[order], P, creeps)
+        return ContactCycle(p, state, active[order], P, drifts)
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> CombinedLaw:
         """Return the law with new values of a parameter for some pairs, whose laws must have the parameter.  Local."""

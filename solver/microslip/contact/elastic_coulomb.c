@@ -1306,7 +1306,7 @@ int KERNEL(aft_leaves)(const aft_tables *t, const aft_pairs *pairs, index_t n, u
 
 /* A round for some pairs; writes the results of pairs with a steady cycle, or at MOST_PERIODS. */
 INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs *pairs, wanderer *lane, int n_lanes, int separate,
-                         double *p, unsigned char *state, unsigned char *creeps, double *P)
+                         double *p, unsigned char *state, unsigned char *drifts, double *P)
 {
     const index_t size = 3 * t->N_H;
     const int sampled = t->sampled && t->N_t > 1;   /* a constant motion has no path */
@@ -1324,7 +1324,7 @@ INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs 
         const int finite = is_finite(pairs, chosen[l], t->N_H);
         double *P_l = P == NULL ? NULL : P + size * size * lane[l].place;
         state[chosen[l]] = group->opened[l] > 0.0 ? OPEN : group->slipped.each[l] > 0.0 ? SLIP : STICK;
-        creeps[chosen[l]] = lane[l].slides_on;
+        drifts[chosen[l]] = lane[l].slides_on;
         for (index_t c = 0; c < size; c++)
             p[size * chosen[l] + c] = finite ? group->p[(c % t->N_H * 3 + c / t->N_H) * LANES + l] : NAN;
         if (P_l != NULL && finite)
@@ -1335,10 +1335,10 @@ INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs 
     }
 }
 
-/* March the m active pairs: writes their rows of p (n, 3, N_H), state and creeps (n,), and all of P (m, 3 N_H, 3 N_H) unless it
+/* March the m active pairs: writes their rows of p (n, 3, N_H), state and drifts (n,), and all of P (m, 3 N_H, 3 N_H) unless it
  * is NULL.  Pairs with a friction circle and with separate limits form different groups.  Returns -1 without memory. */
 int KERNEL(aft_march)(const aft_tables *t, const aft_pairs *pairs, index_t m, const index_t *active, double *p,
-              unsigned char *state, unsigned char *creeps, double *P)
+              unsigned char *state, unsigned char *drifts, double *P)
 {
     aft_group group;
     wanderer lane[LANES], *waiting = calloc((size_t)m, sizeof *waiting);
@@ -1357,7 +1357,7 @@ int KERNEL(aft_march)(const aft_tables *t, const aft_pairs *pairs, index_t m, co
                 const int n_lanes = n_waiting - k < LANES ? (int)(n_waiting - k) : LANES;
                 for (int l = 0; l < LANES; l++)
                     lane[l] = waiting[k + (l < n_lanes ? l : 0)];
-                march_round(&group, t, pairs, lane, n_lanes, separate, p, state, creeps, P);
+                march_round(&group, t, pairs, lane, n_lanes, separate, p, state, drifts, P);
                 for (int l = 0; l < n_lanes; l++)
                     if (lane[l].slides_on)
                         waiting[n_left++] = lane[l];

@@ -28,7 +28,7 @@ typedef struct {
 #define DECLARE(suffix)                                                                                                      \
     int aft_leaves##suffix(const aft_tables *t, const aft_pairs *pairs, index_t n, unsigned char *leaves);                   \
     int aft_march##suffix(const aft_tables *t, const aft_pairs *pairs, index_t m, const index_t *active, double *p,          \
-                          unsigned char *state, unsigned char *creeps, double *P);
+                          unsigned char *state, unsigned char *drifts, double *P);
 DECLARE(_baseline)
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__INTEL_COMPILER) && __GNUC__ >= 12

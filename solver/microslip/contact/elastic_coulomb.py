@@ -167,7 +167,7 @@ class ElasticCoulomb:
         sampling = _sampling(harmonics or Harmonics.full(N_H), n_samples, self.sampled)
         if sampling.n_coefficients != N_H:
             raise ValueError(f"{N_H} coefficients for the harmonics {harmonics}, which have {sampling.n_coefficients}")
-        p, (state, creeps) = np.zeros((n, 3, N_H)), np.zeros((2, n), dtype=np.uint8)
+        p, (state, drifts) = np.zeros((n, 3, N_H)), np.zeros((2, n), dtype=np.uint8)
         active = np.empty(0, dtype=np.intp)
         if n > 0:
             U, separate = np.ascontiguousarray(U, dtype=np.float64), self.separate.view(np.uint8)
@@ -176,8 +176,8 @@ class ElasticCoulomb:
             active = state.nonzero()[0]
         P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
         if len(active) > 0:
-            march(sampling, pairs, active, p, state, creeps, P)
-        cycle = ContactCycle(p, state, active, P, creeps.astype(bool))
+            march(sampling, pairs, active, p, state, drifts, P)
+        cycle = ContactCycle(p, state, active, P, drifts.astype(bool))
         return self._without_springs(cycle, U, sampling) if self.open_at_rest.any() else cycle
 
     def _cycle_by_direction(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:

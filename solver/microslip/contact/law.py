@@ -26,7 +26,7 @@ class ContactCycle:
     state: np.ndarray  # (n,) uint8, in the last period of the march: STICK, SLIP, OPEN
     active: np.ndarray  # (m,) pairs with p or dp/dU not identically zero, ascending
     P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU [N/m], row and column = direction * N_H + coefficient
-    creeps: np.ndarray  # (n,) bool: the slider still drifts from period to period at the last period of the march
+    drifts: np.ndarray  # (n,) bool: the slider still drifts from period to period at the last period of the march
 
 
 class Law(Protocol):

@@ -183,7 +183,7 @@ class Rough(OfElements):
             P[np.searchsorted(active, tangential.active)] = tangential.P
             change = np.where(presses[:, None], k - K_J[:, 2:], 0.0)[active]
             P[:, 2 * N_H :, 2 * N_H :] = np.matmul(F * change[:, None, :], E)
-        return ContactCycle(p, state, active, P, tangential.creeps)
+        return ContactCycle(p, state, active, P, tangential.drifts)
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p and internal variables after a step to ``du`` (..., n, 3), d p / d du (..., n, 3, 3), and the states.

@@ -107,8 +107,8 @@ def solve_with(
     """Solve a point of contact forces ``force`` [N] again with more; None where Newton fails.  Collective."""
     better = solver.resolved(finer)
     guess = solution[0].iterate.on(better.harmonics)
-    again, used = better.solve_at(guess, better.norm(guess.U), solution[1], force)
-    return None if again.failure else ((again.with_effort_of(solution[0]), used), better)
+    solved, used = better.solve_at(guess, better.norm(guess.U), solution[1], force)
+    return None if solved.failure else ((solved.with_effort_of(solution[0]), used), better)
 
 
 def solve_sharper(
@@ -123,9 +123,9 @@ def solve_sharper(
     size, along = better.norm(there.U), np.array(there.U)
     along[..., better.harmonics.mean] = 0.0
     if not requested and size > 0.0 and there.parameter not in (solver.sweep.start, solver.sweep.stop):
-        again, used = better.solve(there, Plane(there, along / size, (0.0,) * len(there.parameters)), size, solution[1])
-        if again.failure is None:
-            return (again.with_effort_of(solution[0]), used), better
+        solved, used = better.solve(there, Plane(there, along / size, (0.0,) * len(there.parameters)), size, solution[1])
+        if solved.failure is None:
+            return (solved.with_effort_of(solution[0]), used), better
     return solve_with(solver, sharper, solution)
 
 

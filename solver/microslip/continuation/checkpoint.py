@@ -17,10 +17,10 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
-from ..harmonic.clustered import ClusteredPreconditioner, SectorsPreconditioner
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
 from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditioner
+from ..harmonic.subdomain_preconditioners import SectorsPreconditioner, SubdomainPreconditioner
 from ..harmonic.whole_inverse import WholeInverse
 from .accuracy import Memory, Resolution
 from .beside import Beside
@@ -34,7 +34,7 @@ Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _POINTS = ("earlier", "before", "now")
 _NUMBERS = ("size", "force", "sticks", "sliding", "moved")
 _numbers = attrgetter(*_NUMBERS)
-_KINDS = (WholeInverse, HarmonicPreconditioner, ClusteredPreconditioner, SectorsPreconditioner)
+_KINDS = (WholeInverse, HarmonicPreconditioner, SubdomainPreconditioner, SectorsPreconditioner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def state_arrays(state: BranchState) -> Arrays:
     arrays = {
         "resolution": np.array([equation.n_samples, solver.tolerance]),
         "harmonics": np.array(equation.harmonics.chosen),
-        "step": np.array([state.ds, solver.is_linear, state.is_done, newton.wants_preconditioner]),
+        "step": np.array([state.ds, solver.is_linear, state.is_done, newton.needs_preconditioner]),
         "counts": np.array([*memory.calm.values(), *memory.patience.values()]),
     }
     if memory.peak is not None:
@@ -92,7 +92,7 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     solver = start.solver.resolved(Resolution(_harmonics(arrays["harmonics"]), int(n_samples), float(tolerance)))
     owned = solver.equation.model.owned
     solver = solver.holding(arrays["held"][owned] if "held" in arrays else None)
-    ds, is_linear, is_done, wants_preconditioner = arrays["step"]
+    ds, is_linear, is_done, needs_preconditioner = arrays["step"]
     parts = start.memory.calm.keys()
     calm, patience = (dict(zip(parts, map(int, counts))) for counts in arrays["counts"].reshape(2, -1))
     memory = Memory(arrays.get("peak"), calm, patience)
@@ -101,7 +101,7 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     if "beside/bend" in arrays:
         corrector.beside = _beside(under("beside", arrays), owned)
     made = _made_again(under("newton", arrays), solver.problem) if "newton/U" in arrays else None
-    corrector.newton_solver.restore(made, bool(wants_preconditioner))
+    corrector.newton_solver.restore(made, bool(needs_preconditioner))
     if task.estimator is not None:
         exact = task.estimator.exact
         if "adjoint/U" in arrays:

@@ -93,7 +93,7 @@ def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     solution, ds, notes = stepped.solution, stepped.ds, stepped.notes
     was, after = state.solver, _arrive(Leg(task, state, before, emit), solution, notes)
     if after.state.solver.resolution != was.resolution:
-        before = after.state.solver.again(before)
+        before = after.state.solver.solved_again(before)
     return after.state.after(before, after.now, ds)
 
 
@@ -136,7 +136,7 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
         after = replace(after, state=replace(after.state, solver=held))
     if after.state.solver.resolution == was.resolution:
         return after.state.after(now, after.now, ds, earlier=state.before)
-    return after.state.after(after.state.solver.again(now), after.now, ds)
+    return after.state.after(after.state.solver.solved_again(now), after.now, ds)
 
 
 def _begun_beyond(leg: Leg) -> BranchState | None:

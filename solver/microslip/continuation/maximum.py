@@ -86,7 +86,7 @@ class Maximum:
         linear = Linearisation.of(equation, at, equation.contact_forces(there.U, system.selected, tangents=True))
         p, rates = equation.full_force(linear.forces), problem.rates(there.parameters)
         right = np.stack([-unit * equation.gather(linear.rate(rate)).reshape(-1, N_H) for rate, unit in zip(rates, units)])
-        V, P_V, is_found = linear.solve_several(right, self.forward)
+        V, P_V, is_solved = linear.solve_several(right, self.forward)
         B = sensitivity(model, at.omega)[rows][:, equation.model.owned_rows]
         by_motion = equation.agreed_sum(-P_V @ B.reshape(2, -1).T)
 
@@ -97,7 +97,7 @@ class Maximum:
 
         at_fixed_forces = np.array([rate_along(amplitude, direction) for direction in np.eye(len(units))])
         V = V.reshape(len(V), *equation.shape) / scaling.U
-        return Rates(amplitude(np.zeros(len(units))), at_fixed_forces + by_motion, V) if is_found else None
+        return Rates(amplitude(np.zeros(len(units))), at_fixed_forces + by_motion, V) if is_solved else None
 
 
 def rate_along(f: Callable[[np.ndarray], np.ndarray], direction: np.ndarray) -> np.ndarray:

@@ -196,13 +196,13 @@ def resolved_again(
     Collective.  ``points`` are of the branch of the problem; their motion is on rank 0.
     """
     equation, pairs = problem.equation.resolved(harmonics, n_samples), AllPairs()
-    again, workspace = problem.with_equation(equation), Workspace(equation, n_parameters=1 + len(problem.units))
+    other, workspace = problem.with_equation(equation), Workspace(equation, n_parameters=1 + len(problem.units))
     results = []
     try:
         for point in points:
             U = equation.comm.bcast(point.U if equation.comm.rank == 0 else None)
             U = Harmonics.full(U.shape[-1]).carry(U, harmonics)[equation.model.owned]
-            solver = PointSolver(again, pairs, Sweep(point.parameters[0], point.parameters[0] + 1.0), tolerance, workspace)
+            solver = PointSolver(other, pairs, Sweep(point.parameters[0], point.parameters[0] + 1.0), tolerance, workspace)
             guess = Iterate(U, point.parameters, harmonics)
             solution, _ = solver.solve_at(guess, solver.norm(U), equation.every_pair)
             results.append(solution.iterate.parameters[1:] if solution.failure is None else (np.nan, np.nan))

@@ -95,7 +95,7 @@ def solutions_at(of: ResponseProblem, curve: Branch, omega: float, starts: int, 
     if not search.solutions:
         raise ConvergenceError(f"hb: no solution at {problem.where(omega)} was found: {curve.failure or 'Newton diverges'}")
     comm = problem.equation.comm
-    return sorted(search.solutions, key=lambda one: comm.bcast(float(np.hypot(*one.point.response[0, 1:3]))))
+    return sorted(search.solutions, key=lambda solution: comm.bcast(float(np.hypot(*solution.point.response[0, 1:3]))))
 
 
 def over_level(solver: PointSolver, omega: float) -> Iterator[Iterate]:
@@ -121,7 +121,7 @@ class _Search:
         solver = self.solver
         solution = solver.solve_at(guess, solver.norm(guess.U), solver.equation.every_pair)
         there = solution[0].iterate
-        if solution[0].failure is not None or any(self.is_same(there, one.iterate) for one in self.solutions):
+        if solution[0].failure is not None or any(self.is_same(there, known.iterate) for known in self.solutions):
             return False
         try:
             point, _ = point_record(solver.problem, AllPairs(), solution, requested=True)
@@ -155,9 +155,9 @@ class _Search:
     def solution_from(self, corrector: DeflatedCorrector, guess: Iterate) -> bool:
         """Return whether deflation leads from a motion to a solution that was not known."""
         solver, every = self.solver, self.solver.equation.every_pair
-        corrector.known = [one.iterate for one in self.solutions]
+        corrector.known = [known.iterate for known in self.solutions]
         size, force = solver.norm(guess.U), solver.force(guess, every)
-        if size == 0.0 or any(self.is_same(guess, one.iterate) for one in self.solutions):
+        if size == 0.0 or any(self.is_same(guess, known.iterate) for known in self.solutions):
             return False
         rows = (Plane.fixed_parameter(guess), *solver.problem.constraints)
         solution: Correction = corrector.correct(
@@ -180,7 +180,7 @@ class _Search:
         weights = 1.0 / np.abs(modes.omega_n**2 - self.omega**2 + 1e-3 * self.omega**2)
         while True:
             factor, theta = float(np.exp(rng.uniform(*np.log(FACTORS)))), float(rng.uniform(0.0, 2.0 * np.pi))
-            known = [linear, *(one.iterate for one in self.solutions)]
+            known = [linear, *(known.iterate for known in self.solutions)]
             base = rotated(known[int(rng.integers(len(known)))], theta)
             j = int(rng.choice(len(weights), p=weights / weights.sum()))
             if rng.random() < 0.5:

@@ -93,7 +93,7 @@ def peak_near(
     width: float,
     tolerance: float,
     estimator: ErrorEstimator | None = None,
-    wants_width: Callable[[Point], bool] = lambda point: True,
+    needs_width: Callable[[Point], bool] = lambda point: True,
     has_rates: bool = False,
 ) -> PeakPoint | str:
     """Return the peak of an output near some motions, eq. (7.13), with its half-power width, or why there is none.  Collective.
@@ -103,7 +103,7 @@ def peak_near(
     starts : with the frequency as their parameter [rad/s]
     width : rad/s, unit of the frequency: about the half-power width
     estimator : of the error bar of the peak
-    wants_width : of the record of the peak: whether its half-power points are sought; collective
+    needs_width : of the record of the peak: whether its half-power points are sought; collective
     has_rates : whether the derivatives of amplitude, phase and frequency are computed, eq. (11.10)
     """
     workspace, harmonics = Workspace(problem.equation), problem.equation.harmonics
@@ -115,7 +115,7 @@ def peak_near(
         solution = replace(peak.solution, newton=search.newton)
         point, _ = point_record(problem, AllPairs(), (solution, search.every), False, estimator)
         above = below = None
-        if wants_width(point):
+        if needs_width(point):
             phases = {np.sign(search.phase_from(peak.iterate, side)): side for side in sides if side is not None}
             above, below = (search.half_power(peak, way, phases.get(way)) for way in (-1.0, 1.0))
         rates = search.rates(peak) if has_rates else (None, None)
@@ -267,7 +267,7 @@ class _Search:
         p = equation.full_force(equation.contact_forces(there.U, self.every, tangents=False))
         cos, sin = output_amplitude(equation.model_at(at), at, p)[rows]
         d = np.concatenate([sensitivities.of_pairs[rows].reshape(2, -1), sensitivities.common[rows]], axis=1)
-        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if sensitivities.is_found else None
+        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if sensitivities.is_solved else None
 
     def turned(self, here: _At, theta: float, guess: Iterate | None = None, is_patient: bool = False, depth: int = 0) -> _At:
         """Return the solution at a phase from another one, by halves of the way where Newton's method fails.

@@ -310,7 +310,7 @@ def about_a_peak(
         p = equation.full_force(equation.contact_forces(at.U, every, tangents=False))
         cos, sin = output_amplitude(equation.model_at(point), point, p)[rows]
         d = np.concatenate([sensitivities.of_pairs[rows].reshape(2, -1), sensitivities.common[rows]], axis=1)
-        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if sensitivities.is_found else None
+        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if sensitivities.is_solved else None
 
     unit, brackets = width if np.isfinite(width) else 0.02 * there.parameter, list[list[np.ndarray]]()
     sides, way, middle = (there, there), BESIDE * unit, rates(there)

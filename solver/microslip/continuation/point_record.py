@@ -28,7 +28,7 @@ IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a 
 HELD = "mean slip held by springs"  # the note of such a point
 FAR = "with more harmonics no solution is found near this one"  # of one that may solve the truncated equations alone
 NO_ADJOINT = "sensitivities not found: the linearisation is singular"
-CREEPS = "a slider creeps on without end"  # and of one where a march does not come to its cycle
+DRIFTS = "a slider drifts without end"  # and of one where a march does not come to its cycle
 
 
 class Unbalanced(ConvergenceError):
@@ -60,7 +60,7 @@ def point_record(
     energy[of_all.active] = pair_energy(U_all[of_all.active], of_all.p.reshape(-1, *shape[1:]), harmonics)
     friction = float(contact_work(U_all[used.active], used.p.reshape(-1, *shape[1:]), harmonics).sum())
     damping, work = damping_loss(model, at, p), input_work(model, at, p)
-    creeps = equation.gather(np.array([of_all.creeps])).any()
+    drifts = equation.gather(np.array([of_all.drifts])).any()
     most = max(abs(work), damping + abs(friction), apparent_work(model, at, p))
     _check_balance(problem, correction, work - damping - friction, most)
     estimate = None if estimator is None else estimator.at(equation, U, at, selected, of_all)
@@ -84,7 +84,7 @@ def point_record(
         samples=equation.n_samples,
         requested=requested,
         parameters=correction.iterate.parameters,
-        notes=tuple(note for note, holds in ((HELD, equation.held is not None), (CREEPS, creeps), (FAR, is_far)) if holds),
+        notes=tuple(note for note, holds in ((HELD, equation.held is not None), (DRIFTS, drifts), (FAR, is_far)) if holds),
         error=None if estimate is None else estimate.parts,
         corrected=None if estimate is None else response[:, 1:3] + quadratures(estimate.correction),
         error_corrected=None if estimate is None else estimate.remaining,
@@ -109,8 +109,8 @@ def with_sensitivities(
     """
     (correction, selected), at = solution, problem.at(solution[0].iterate.parameters)
     rates = sensitivities_of(problem.equation.under(at), at, correction.iterate.U, selected, solver, known)
-    by_pairs, by_common = (np.stack(np.split(values * rates.is_found, 2), axis=1) for values in (rates.of_pairs, rates.common))
-    notes = point.notes if rates.is_found else (*point.notes, NO_ADJOINT)
+    by_pairs, by_common = (np.stack(np.split(values * rates.is_solved, 2), axis=1) for values in (rates.of_pairs, rates.common))
+    notes = point.notes if rates.is_solved else (*point.notes, NO_ADJOINT)
     return replace(point, by_pairs=by_pairs, by_common=by_common, notes=notes)
 
 

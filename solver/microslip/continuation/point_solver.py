@@ -217,10 +217,10 @@ class PointSolver:
         if was.resolution == self.resolution:
             return solution, self
         guess = solution[0].iterate.on(self.harmonics)
-        again = self.solve_at(guess, self.norm(guess.U), solution[1])
-        return (solution, was) if again[0].failure else (again, self)
+        repeated = self.solve_at(guess, self.norm(guess.U), solution[1])
+        return (solution, was) if repeated[0].failure else (repeated, self)
 
-    def again(self, state: PointState) -> PointState:
+    def solved_again(self, state: PointState) -> PointState:
         """Return a point as the problem has it now, so that the way to the next one is that of the branch.  Collective."""
         state = self.carried(state)
         solution, _ = self.solve_near(state.iterate, state)

@@ -150,12 +150,12 @@ def with_mean_slip_regularised(stuck: Stuck) -> Iterator[WayOn]:
     held = regularised(stuck.solver, 1.0, 0.0) if stuck.may_hold else None
     if held is None:
         return
-    solution, again = held.first(), replace(stuck, solver=held)
+    solution, with_springs = held.first(), replace(stuck, solver=held)
     if solution[0].failure is None:
         yield WayOn(held, solution)
     else:
-        yield from over_the_level(again)
-        yield from over_damping(again)
+        yield from over_the_level(with_springs)
+        yield from over_damping(with_springs)
 
 
 def patiently(stuck: Stuck) -> Iterator[WayOn]:
@@ -287,8 +287,8 @@ def left(solver: PointSolver, before: PointState, now: PointState, there: Iterat
     A step that was shortened before a resonance ``may_turn`` off the last chord if the parameter goes on.
     """
     here = now.iterate.parameter
-    goes_on = (there.parameter - here) * (here - before.iterate.parameter) > 0.0
-    turns = solver.turn(before.iterate, now.iterate, there, now.size) > 0.5 * np.pi and not (may_turn and goes_on)
+    is_same_direction = (there.parameter - here) * (here - before.iterate.parameter) > 0.0
+    turns = solver.turn(before.iterate, now.iterate, there, now.size) > 0.5 * np.pi and not (may_turn and is_same_direction)
     return turns or not NEAREST * ds <= solver.distance(now, there) <= FARTHEST * ds
 
 

@@ -18,7 +18,7 @@ class Adjoint:
     linear: Linearisation
     chi: np.ndarray  # (n, 3 n_owned N_H) m/N
     tau: np.ndarray  # (n, 3 n_owned N_H) P^T chi
-    is_found: bool
+    is_solved: bool
 
     def by_law(self, parameter: LawParameter) -> np.ndarray:
         """Return the derivative of the outputs by a parameter of the contact law along solutions, (n,).

@@ -86,7 +86,7 @@ class JointChanges:
     steps: np.ndarray  # (n_steps, n) by all, to all orders, in each step of the iteration; n_steps = 1 if all pairs stick [m]
     is_settled: bool  # the iteration converged
     modes: np.ndarray  # (n, n_samples, N_H) samples of the truncated modes, R^T tau
-    is_adjoint_found: bool
+    is_adjoint_solved: bool
     adjoint: Adjoint | None = None  # None where all pairs stick
 
     @classmethod
@@ -176,10 +176,10 @@ class ErrorEstimator:
             np.abs(by_solver),
             by_sliders,
         ]
-        if not through_joint.is_adjoint_found:
+        if not through_joint.is_adjoint_solved:
             parts[4] = parts[4] + lost
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver, by_sliders])
-        settled = through_joint.is_settled and through_joint.is_adjoint_found
+        settled = through_joint.is_settled and through_joint.is_adjoint_solved
         estimate = corrected(np.stack(parts), linear, through_joint.steps, settled, truncated, lost)
         self.last = through_joint.adjoint
         return replace(estimate, adjoint=through_joint.adjoint)
@@ -200,8 +200,8 @@ class ErrorEstimator:
         exact, at = linear.equation, linear.at
         owned, N_H = exact.model.owned_rows, exact.model.N_H
         B = sensitivity(exact.model_at(at), at.omega)
-        chi, tau, is_adjoint_found = linear.solve_transposed(B, self.adjoint_solver)
-        adjoint = Adjoint(linear, chi, tau, is_adjoint_found)
+        chi, tau, is_adjoint_solved = linear.solve_transposed(B, self.adjoint_solver)
+        adjoint = Adjoint(linear, chi, tau, is_adjoint_solved)
         residual = equation.residual(U, at, used, linear.G if used is linear.forces and exact is equation else None)
         sums = [-chi @ change[owned].ravel() for change in changes.signed]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
@@ -222,7 +222,7 @@ class ErrorEstimator:
             of_steps.reshape(len(steps), -1),
             is_settled,
             of_modes.reshape(modes.shape),
-            is_adjoint_found,
+            is_adjoint_solved,
             adjoint,
         )
 
@@ -254,10 +254,10 @@ class ErrorEstimator:
             low = more.carry(x, exact.harmonics)
             residual = exact.residual_under(low, linear.at, loaded, p_now[rows_of(loaded)])
             B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
-            d_U, _, is_found = linear.solve_several(B, self.forward_solver)
+            d_U, _, is_solved = linear.solve_several(B, self.forward_solver)
             value = above(wider, linear.at, exact.harmonics, forces) + exact.harmonics.carry(low + d_U.reshape(U.shape), more)
             way, miss = np.sqrt(wider.agreed_sum(np.array([norm2(value - start), norm2(value - x)])))
-            if not (is_found and np.isfinite(miss)):
+            if not (is_solved and np.isfinite(miss)):
                 break
             steps.append(of_outputs(d_p, residual))
             if miss <= FOLLOWED * way:

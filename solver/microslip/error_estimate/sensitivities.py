@@ -34,7 +34,7 @@ class Sensitivities:
 
     of_pairs: np.ndarray  # (n, n_numbers, n_pairs) by each of ``NUMBERS`` of each pair; 0 where its law does not have it
     common: np.ndarray  # (n, n_common) by each of ``COMMON``
-    is_found: bool  # the adjoint
+    is_solved: bool  # the adjoint
 
 
 def exact_adjoints(equation: HarmonicBalance | ReducedModel) -> AdjointSolver:
@@ -58,9 +58,9 @@ def sensitivities_of(
     linear = Linearisation.of(equation, at, equation.contact_forces(U, selected, tangents=True))
     model, p = equation.model_at(at), equation.full_force(linear.forces)
     if known is not None and known.linear.equation is equation and known.linear.forces.U is U and selected.all():
-        chi, tau, is_found = known.chi, known.tau, known.is_found
+        chi, tau, is_solved = known.chi, known.tau, known.is_solved
     else:
-        chi, tau, is_found = linear.solve_transposed(sensitivity(model, at.omega), solver)
+        chi, tau, is_solved = linear.solve_transposed(sensitivity(model, at.omega), solver)
     n, shape = len(chi), (len(chi), *equation.shape)
     of_modes = [ModalAdjoint.of(*of, at, tau.reshape(shape), equation) for of in _groups(model, at, p)]
     of_pairs = np.zeros((equation.n_owned, n, len(NUMBERS)))
@@ -74,7 +74,7 @@ def sensitivities_of(
     rates = [-linear_motion(model, 1.0, at.omega), np.zeros((3 * equation.n_owned, model.N_H)), linear.rate({"omega": 1.0})]
     common += equation.agreed_sum(np.array([tau @ rate.ravel() for rate in rates]))
     gathered = equation.gather(of_pairs)
-    return Sensitivities(np.ascontiguousarray(gathered.transpose(1, 2, 0)), equation.comm.bcast(common).T, is_found)
+    return Sensitivities(np.ascontiguousarray(gathered.transpose(1, 2, 0)), equation.comm.bcast(common).T, is_solved)
 
 
 def _groups(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> list[tuple[HarmonicGroup, np.ndarray, np.ndarray | None]]:

@@ -55,7 +55,7 @@ def numbered_rows(path: Path) -> list[tuple[int, list[str]]]:
     return [(line, row) for line, row in rows if any(row) and not row[0].startswith("#")]
 
 
-def _check_header(header: list[str], needed: Sequence[str], optional: Sequence[str], says: str) -> None:
+def _check_header(header: list[str], needed: Sequence[str], optional: Sequence[str], message: str) -> None:
     known = [*needed, *optional]
     faults = [f"{name} is missing" for name in needed if name not in header]
     faults += [f"{name} appears twice" for name in known if header.count(name) > 1]
@@ -65,7 +65,7 @@ def _check_header(header: list[str], needed: Sequence[str], optional: Sequence[s
     if ";" in header[0]:
         faults = ["values are separated by semicolons, not by commas"]
     if faults:
-        raise CaseError(f"{says}: {'; '.join(faults[:3])}")
+        raise CaseError(f"{message}: {'; '.join(faults[:3])}")
 
 
 def _numbers(row: list[str], header: list[str], where: str) -> list[float]:

@@ -104,8 +104,8 @@ def _unit(function: dict[str, Any], unit: str, where: str) -> str:
     """Return the unit of an output, which must be that of its function."""
     kind = int(function["ordinate_spec_data_type"])
     if kind and OF_KIND.get(kind, "") != unit:
-        says = f"is in {OF_KIND[kind]}" if kind in OF_KIND else f"has the data type {kind}"
-        raise CaseError(f"{where}: it {says}, and the output in {unit}: state the quantity of the output")
+        kind_text = f"is in {OF_KIND[kind]}" if kind in OF_KIND else f"has the data type {kind}"
+        raise CaseError(f"{where}: it {kind_text}, and the output in {unit}: state the quantity of the output")
     return unit
 
 

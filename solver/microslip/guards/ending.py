@@ -50,7 +50,7 @@ def conclude(comm: MPI.Comm | None, action: Callable[[], int | None]) -> int:
         if launcher_rank() > 0:  # without MPI: the launcher also ends rank 0 as soon as one rank ends
             time.sleep(1.0)
         elif problem is not None:
-            _say_problem(str(problem), problem)
+            _report_problem(str(problem), problem)
     else:
         status = _together(comm, status, problem)
     if isinstance(problem, Interrupted):
@@ -173,12 +173,12 @@ def _flush() -> int:
             expected_problem = expected(problem) or ResourceError(f"standard output or error: {problem.strerror}")
             drop_output(stream.fileno())
             if stream is sys.stdout:
-                _say(str(expected_problem))
+                _write_error(str(expected_problem))
             status = max(status, expected_problem.exit_status)
     return status
 
 
-def _say(text: str) -> None:
+def _write_error(text: str) -> None:
     """Write a problem to standard error immediately."""
     with suppress(OSError):
         sys.stdout.flush()
@@ -187,9 +187,9 @@ def _say(text: str) -> None:
     sys.stderr.flush()
 
 
-def _say_problem(text: str, problem: MicroslipError | None) -> None:
+def _report_problem(text: str, problem: MicroslipError | None) -> None:
     """Write a problem to standard error; after a signal that ends the program all results have been saved."""
-    _say(text)
+    _write_error(text)
     if isinstance(problem, Interrupted):
         Answer.written.set()
 
@@ -198,7 +198,7 @@ def _defect(comm: MPI.Comm | None, problem: BaseException) -> int:
     """Print the traceback of a defect of this program, and end all ranks."""
     rank = "" if comm is None or comm.size == 1 else f" on rank {comm.rank} of {comm.size}"
     trace = "".join(traceback.format_exception(problem))
-    _say(f"a defect of the program{rank}; please report it with these lines and run.log\n{trace}")
+    _write_error(f"a defect of the program{rank}; please report it with these lines and run.log\n{trace}")
     if comm is not None and comm.size > 1:
         _abort(comm, DEFECT)
     return DEFECT
@@ -212,7 +212,7 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
     """
     is_reported = comm.rank == 0 and isinstance(problem, Interrupted) and not _comes_from_abort()
     if is_reported:
-        _say_problem(f"{name}{problem}", None if name else problem)
+        _report_problem(f"{name}{problem}", None if name else problem)
         Answer.of_part.set()
     statuses = array("i", 2 * comm.size * [0])
     grace = None if problem is None else GRACE_OF_SIGNAL if is_reported else GRACE
@@ -221,13 +221,13 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
             comm.Iallgather(array("i", [status, _REPORTED if is_reported else problem is not None]), statuses), grace
         ):
             if not is_reported:
-                _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
+                _write_error(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
             _abort(comm, status)
         if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has reported it and also ends this one
             _abort(comm, status)
     has_problem = statuses[1::2]
     if _REPORTED not in has_problem and comm.rank == next((rank for rank in range(comm.size) if has_problem[rank]), None):
-        _say(f"{name}{problem}")
+        _write_error(f"{name}{problem}")
     comm.Barrier()  # a launcher kills the others as soon as one rank ends with a nonzero status
     return max(statuses[::2])
 

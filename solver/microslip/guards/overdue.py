@@ -114,14 +114,14 @@ def _see_to_the_end(name: str) -> None:
         _write(f"microslip: {name} arrived: the call in progress may end within {ANSWER:.0f} s{parting_words()}\n")
     if not Answer.begun.wait(ANSWER - NOTICE if is_first else ANSWER + TO_FIRST) and not is_concluded():
         _end(f"stopped by {name} during a call that takes longer than {ANSWER:.0f} s{parting_words()}" if is_first else "")
-    if is_first and _n_ranks() > 1 and not _says():
+    if is_first and _n_ranks() > 1 and not _is_reported():
         _end(f"stopped by {name}{parting_words()}")
     Answer.written.wait()
     time.sleep(LEAVING)
     _end("")
 
 
-def _says() -> bool:
+def _is_reported() -> bool:
     """Return whether the main thread reports the signal; False if it already waits for other ranks at its end."""
     answered = idle_since = time.monotonic()
     while not (Answer.written.wait(0.1) or Answer.of_part.is_set()):

@@ -10,10 +10,10 @@ import numpy as np
 from mpi4py import MPI
 
 from ..receptance.columns import ActiveColumns
-from .clustered import LARGE, of_wide_slip
 from .gmres import Gmres, reuse
 from .linearisation import Gatherer, Linearisation
 from .preconditioner import PairsPreconditioner, applied
+from .subdomain_preconditioners import LARGE, of_wide_slip
 from .whole_inverse import LARGEST_AT_LAST, WholeInverse
 
 MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
@@ -47,7 +47,7 @@ class AdjointSolver:
 
         ``at`` is the transposed linearisation; see :meth:`Linearisation.solve_transposed` for shapes.
         """
-        equation, owned, is_found = at.equation, at.forces.active_owned, True
+        equation, owned, is_solved = at.equation, at.forces.active_owned, True
         chi = B[:, equation.model.owned_rows].reshape(len(B), *equation.shape).copy()
         tau = np.zeros_like(chi)
         if len(at.forces.active) > 0:
@@ -55,13 +55,13 @@ class AdjointSolver:
             units[units == 0.0] = 1.0
             self._at, self._shape = at, (len(B), len(owned), *equation.shape[1:])
             self._gatherer = Gatherer(self.comm, int(np.prod(self._shape)), 0)
-            of_active, is_found = (self._directly if at.n_rows <= DIRECT else self._by_gmres)(chi[:, owned] / units)
+            of_active, is_solved = (self._directly if at.n_rows <= DIRECT else self._by_gmres)(chi[:, owned] / units)
             of_active *= units
             tau[:, owned] = self._times_P(at.P, of_active)
             for i, tau_all in enumerate(self._gathered(tau[:, owned])):
                 chi[i] -= at.G.apply(tau_all)
             chi[:, owned] = of_active
-        return chi.reshape(len(B), -1), tau.reshape(len(B), -1), is_found
+        return chi.reshape(len(B), -1), tau.reshape(len(B), -1), is_solved
 
     def _times_P(self, P: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return P x of this rank's active pairs, (n_quantities, m, 3, N_H) both.  Local; ``P`` is transposed already."""
@@ -83,8 +83,8 @@ class AdjointSolver:
         return self._if_finite(self._factor.solve(b), True)
 
     def _if_finite(self, x: np.ndarray, has_converged: bool) -> tuple[np.ndarray, bool]:
-        is_found = bool(self.comm.allreduce(has_converged and bool(np.isfinite(x).all()), op=MPI.LAND))
-        return (x if is_found else np.zeros_like(x)), is_found
+        is_solved = bool(self.comm.allreduce(has_converged and bool(np.isfinite(x).all()), op=MPI.LAND))
+        return (x if is_solved else np.zeros_like(x)), is_solved
 
     # -- GMRES on the active pairs of all quantities -----------------------------------------------------------
 

@@ -102,7 +102,7 @@ class HarmonicBalance:
             actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
             active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
         P = (self._no_tangents if cycle.P is None else cycle.P) if tangents else None
-        return ContactForces(U, selected, state, bool(cycle.creeps.any()), active_owned, P, active, p, extras)
+        return ContactForces(U, selected, state, bool(cycle.drifts.any()), active_owned, P, active, p, extras)
 
     def _cycle(self, U: np.ndarray, chosen: np.ndarray, tangents: bool) -> ContactCycle:
         """Return the cycle of some of this rank's pairs, cached for the last motion and therefore read-only.  Local.

@@ -9,10 +9,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..receptance.columns import ActiveColumns
-from .clustered import LARGE, of_wide_slip
 from .gmres import Gmres
 from .linearisation import Border, Exactness, Gatherer, Linearisation, Step
 from .preconditioner import PairsPreconditioner, applied
+from .subdomain_preconditioners import LARGE, of_wide_slip
 from .whole_inverse import LARGEST, LARGEST_AT_LAST, WholeInverse
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class NewtonSolver:
         self.comm = comm
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.preconditioner: PairsPreconditioner | WholeInverse | None = None
-        self.wants_preconditioner = False
+        self.needs_preconditioner = False
         self._active: np.ndarray | None = None
         self._columns: ActiveColumns | None = None
         self._springs: object = None  # updates to another contact stiffness that the columns have
@@ -61,13 +61,13 @@ class NewtonSolver:
         """Whether the last system was solved in single precision."""
         return self._columns is not None and self._columns.precision is np.float32
 
-    def restore(self, preconditioner: PairsPreconditioner | WholeInverse | None, wants: bool) -> None:
+    def restore(self, preconditioner: PairsPreconditioner | WholeInverse | None, needs_one: bool) -> None:
         """Take over the preconditioner of another solver, and its request for a new one.  Local."""
-        self.preconditioner, self.wants_preconditioner = preconditioner, wants
+        self.preconditioner, self.needs_preconditioner = preconditioner, needs_one
 
     def ask_for_preconditioner(self) -> None:
         """Request a (new) preconditioner at the next linearisation.  Local."""
-        self.wants_preconditioner = True
+        self.needs_preconditioner = True
 
     def weigh(self, newton: int, krylov: int, weight: float) -> None:
         """Request a (new) preconditioner if GMRES needed many iterations per Newton step, for rows of this weight.  Local."""
@@ -112,11 +112,11 @@ class NewtonSolver:
     def _build_preconditioner(self, at: Linearisation) -> None:
         """Factor a preconditioner if requested; for a small system at every linearisation.  Collective."""
         is_small, is_whole = at.n_rows <= LARGEST, isinstance(self.preconditioner, WholeInverse)
-        wanted = self.wants_preconditioner or (is_small and is_whole)
+        wanted = self.needs_preconditioner or (is_small and is_whole)
         if wanted and at.n_rows > 0:
             stays = is_whole and at.n_rows <= LARGEST_AT_LAST
             self.preconditioner = (WholeInverse if is_small or stays else of_wide_slip)(at)
-            self.wants_preconditioner = False
+            self.needs_preconditioner = False
 
     def _set_up(self, at: Linearisation, k: int, exactness: Exactness) -> tuple[Gmres, float]:
         """Copy the operands of the products, in single precision if faster and exact enough for GMRES.  Collective."""

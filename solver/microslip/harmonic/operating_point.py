@@ -61,7 +61,7 @@ class ContactForces:
     U: np.ndarray  # (n_owned, 3, N_H) m, the motion
     selected: np.ndarray  # (n_pairs,) bool, the pairs that may slip or open
     state: np.ndarray  # (n_owned,) STICK, SLIP, OPEN
-    creeps: bool  # a slider of this rank's pairs still drifts from period to period
+    drifts: bool  # a slider of this rank's pairs still drifts from period to period
     active_owned: np.ndarray  # (m,) pairs of this rank, counted from its first, with p or dp/dU not zero
     P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU of these pairs [N/m]
     active: np.ndarray  # (n_active,) the active pairs of all ranks, in rank order

@@ -44,8 +44,8 @@ class Design:
         columns = _columns(values)
         lengths = {key: len(column) for key, column in columns.items()}
         if len(set(lengths.values())) > 1:
-            said = ", ".join(f"{key} has {n}" for key, n in lengths.items())
-            raise CaseError(f"sweep: paired lists have one length: {said}")
+            text = ", ".join(f"{key} has {n}" for key, n in lengths.items())
+            raise CaseError(f"sweep: paired lists have one length: {text}")
         return cls.of_columns(tuple(columns), np.column_stack(list(columns.values())))
 
     @property

@@ -401,7 +401,7 @@ class _KnownPeak:
         equation = problem.equation.resolved(self.harmonics, self.n_samples)
         equation = equation.holding(np.zeros((equation.n_owned, 2)) if self.is_held else None)
         forced, tolerance = problem.with_equation(equation), of.settings.tolerance
-        return peak_near(forced, output, self.starts, self.width, tolerance, wants_width=lambda point: False, has_rates=True)
+        return peak_near(forced, output, self.starts, self.width, tolerance, needs_width=lambda point: False, has_rates=True)
 
     def at(self, peak: PeakPoint, comm: MPI.Comm) -> _KnownPeak:
         """Return it at a peak that was found.  Collective."""

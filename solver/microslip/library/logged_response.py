@@ -18,7 +18,7 @@ from ..results.audit import audit_text
 from ..results.fields import RunRecord, StageRecord
 from ..results.measures import shown_with
 from ..results.origin import Origin
-from ..results.over import keep_peaks_over
+from ..results.over import store_peaks_over
 from ..results.read import read_results
 from ..results.record import PeaksOver
 from ..results.sensitivities import write_sensitivities
@@ -78,7 +78,7 @@ def follow_peaks_logged(
             log.note(line)
         failures += [f"peaks over {curve.key}: {curve.points.failure}" for curve in of_number if curve.points.failure]
         curves += of_number
-        on_root(comm, keep_peaks_over, str(folder), head_of(prepared), curves)
+        on_root(comm, store_peaks_over, str(folder), head_of(prepared), curves)
     return failures
 
 

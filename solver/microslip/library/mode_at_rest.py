@@ -43,17 +43,17 @@ def note_on_mode(prepared: Prepared) -> list[str]:
     n = np.count_nonzero(has_springs_across_gap(prepared.pairs))
     if mode is None or n == 0:
         return []
-    says, omega = f"[response] mode = {mode} counts with {n} pairs of a gap closed", np.nan
+    note, omega = f"[response] mode = {mode} counts with {n} pairs of a gap closed", np.nan
     try:
         if not isinstance(prepared.structure, WholeStructure):  # which counts the modes of all nodal diameters together
             omega = pairs_without_springs(prepared)[0].model.receptance_of(1).modes.omega_n[mode - 1]
-            says += f"; with them open its frequency is {omega / (2.0 * np.pi):.6g} Hz"
+            note += f"; with them open its frequency is {omega / (2.0 * np.pi):.6g} Hz"
     except CaseError:
-        says += "; with them open a body has no support"
+        note += "; with them open a body has no support"
     except ResourceError:
         pass  # too many pairs for the frequency
     is_inside = min(sweep.start, sweep.stop) <= omega <= max(sweep.start, sweep.stop)
-    return [says if is_inside else f"WARNING: {says}; state frequencies if the pairs stay open"]
+    return [note if is_inside else f"WARNING: {note}; state frequencies if the pairs stay open"]
 
 
 def pairs_without_springs(prepared: Prepared) -> tuple[Prepared, int]:

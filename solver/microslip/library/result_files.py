@@ -14,7 +14,7 @@ from ..observe.not_computed import Extent
 from ..points.branch import Branch
 from ..points.quantities import hertz
 from ..reduction.expand import node_fields, peak_displacements, rest_at_nodes
-from ..results.fields import Fields, Motion, RunRecord, keep_fields
+from ..results.fields import Fields, Motion, RunRecord, store_fields
 from ..results.origin import Origin
 from ..results.record import STATIC_TABLES, LinearCurve, ResultFile, StaticTable, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
@@ -26,7 +26,7 @@ from ..system.versions import commit, program_hash, versions
 from ..version import __version__
 from .origin_of_run import origin_of
 from .prepare import Prepared
-from .settings import asks_for_bars, asks_for_fields, output_names, reduction_settings, units_of
+from .settings import output_names, reduction_settings, requests_error_bars, requests_fields, units_of
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
@@ -79,7 +79,7 @@ def extent_of(prepared: Prepared) -> Extent:
         n_dof=structure.n_dof,
         harmonics=prepared.model.harmonics,
         n_damped=n_damped,
-        has_bars=asks_for_bars(scene),
+        has_bars=requests_error_bars(scene),
         has_mesh=structure.has_mesh,
         rests=scene.response.sensitivities and scene.statics is not None,
     )
@@ -106,7 +106,7 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
 
     Collective: static solves for the peaks of all levels, and gathers.
     """
-    if not (prepared.structure.has_mesh and asks_for_fields(prepared.scene)):
+    if not (prepared.structure.has_mesh and requests_fields(prepared.scene)):
         return None
     structure, system = prepared.structure, prepared.structure.system
     structure.refuse_closed()
@@ -141,7 +141,7 @@ def write_shapes(
         if rest is not None and prepared.scene.cyclic is not None:
             rest = np.concatenate([rest @ turn.T for turn in turns(prepared.scene.cyclic)])
         fields = Fields(mesh, modes, rest, peaks, *_places(prepared))
-    keep_fields(str(folder / "results.h5"), fields, run)
+    store_fields(str(folder / "results.h5"), fields, run)
 
 
 def _on_mesh(prepared: Prepared, shapes: Shapes) -> tuple[Mesh, np.ndarray, Mapping[int, Motion]]:

@@ -314,10 +314,10 @@ class SamplePeaks:
         linear = self._nearest_linear(of, problem.level, near)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
 
-        def wants_width(point: Point) -> bool:
+        def needs_width(point: Point) -> bool:
             return has_width and self._is_held_at(problem, point.state) == held
 
-        peak = self._searched(problem, starts, width, held, wants_width)
+        peak = self._searched(problem, starts, width, held, needs_width)
         if isinstance(peak, str):
             return Sample(values, FAILED, peak)
         wanted = self._is_held_at(problem, peak.point.state)
@@ -353,13 +353,13 @@ class SamplePeaks:
         return self._record(problem, point, linear.width, 0, linear, values, branch)
 
     def _searched(
-        self, problem: _Problem, starts: Starts, width: float, held: bool, wants_width: Callable[[Point], bool]
+        self, problem: _Problem, starts: Starts, width: float, held: bool, needs_width: Callable[[Point], bool]
     ) -> PeakPoint | str:
         """Return the peak near some motions, or why there is none."""
         estimator = None if problem.of.enriched is None else ErrorEstimator(problem.of.enriched)
         try:
             return peak_near(
-                problem.forced(held), self.output, starts, width, problem.resolution.tolerance, estimator, wants_width
+                problem.forced(held), self.output, starts, width, problem.resolution.tolerance, estimator, needs_width
             )
         finally:
             if estimator is not None:

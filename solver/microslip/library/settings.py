@@ -72,7 +72,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
 
 def has_error_bars(scene: Scene) -> bool:
     """Return whether the error of every point is estimated: that of harmonic 1, where there is one.  Local."""
-    return asks_for_bars(scene) and not scene.is_static
+    return requests_error_bars(scene) and not scene.is_static
 
 
 def refuse_statics(scene: Scene, command: str) -> None:
@@ -90,12 +90,12 @@ def refuse_discs(scene: Scene, command: str, why: str) -> None:
         raise CaseError(f"{scene.path}: [cyclic]: {command} {why}")
 
 
-def asks_for_bars(scene: Scene) -> bool:
+def requests_error_bars(scene: Scene) -> bool:
     """Return whether a scene requests error bars, possible or not.  Local."""
     return scene.solver.error_bars
 
 
-def asks_for_fields(scene: Scene) -> bool:
+def requests_fields(scene: Scene) -> bool:
     """Return whether a scene requests modes and peaks on the mesh, if there is one.  Local."""
     return scene.response.fields
 

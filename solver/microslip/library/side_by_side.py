@@ -65,7 +65,7 @@ def follow_side_by_side(
         branch = follow_level(of_ranks, levels[number], partial(notify, "point", number), checkpointers)
         notify("level_finished", number, replace(branch, points=[]))
 
-    results_of(groups, [partial(whole_level, number) for number in highest_first], observers.hear)
+    results_of(groups, [partial(whole_level, number) for number in highest_first], observers.receive)
     groups.comm.Free()
     return _shared(groups.world, observers.branches)
 
@@ -92,7 +92,7 @@ def follow_divided(
             for point in branch.points:
                 observers.notify("point", number, point)
         else:
-            branch = _divided(of_ranks, level, groups, partial(observers.hear, "point", number))
+            branch = _divided(of_ranks, level, groups, partial(observers.receive, "point", number))
             if branch is None:
                 log.note("  its parts do not join: followed as a whole")
                 observers.branches[number].points.clear()

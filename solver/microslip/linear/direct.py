@@ -42,7 +42,7 @@ def factorise(
 
     Without the bridge to MUMPS, PETSc calls it.
     """
-    if other_package.is_asked_for(prefix) or not bridge.is_there(A.comm.tompi4py()):
+    if other_package.is_requested(prefix) or not bridge.is_there(A.comm.tompi4py()):
         return other_package.factorise(A, prefix, what, shift)
     return mumps.factorise(A, prefix, what, elimination=elimination, shift=shift, later=later)
 
@@ -53,7 +53,7 @@ def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMem
     Collective on the graph's communicator; nothing is solved.  ``entries_owned`` of the matrix lie on this rank.  None, on every
     rank, where the options name another package than MUMPS, or its analysis fails.
     """
-    if other_package.is_asked_for("static_"):
+    if other_package.is_requested("static_"):
         return None
     analysed: mumps.MumpsFactor | other_package.PackageFactor
     if bridge.is_there(graph.comm.tompi4py()):

@@ -68,7 +68,7 @@ class PackageFactor:
         """Return None: this package does not compute them."""
 
 
-def is_asked_for(prefix: str) -> bool:
+def is_requested(prefix: str) -> bool:
     """Return whether PETSc's options name another solver than ours.  Local; the same on every rank."""
     options = PETSc.Options(prefix)
     return any(options.hasName(name) and options.getString(name) != ours for name, ours in _OURS.items())
@@ -87,13 +87,13 @@ def factorise(
     ResourceError : MUMPS lacks memory, also with more than it estimated; on every rank
     """
     start, messages, relaxations = perf_counter(), list[str](), iter(RELAXATION)
-    if not is_asked_for(prefix) and PETSc.Options(prefix).getInt(f"mat_mumps_icntl_{_ON_DISK}", 0) == 1:
+    if not is_requested(prefix) and PETSc.Options(prefix).getInt(f"mat_mumps_icntl_{_ON_DISK}", 0) == 1:
         raise CaseError(
             f"-{prefix}mat_mumps_icntl_{_ON_DISK} 1: factors on disk need the bridge to MUMPS, which is not in use (microslip "
             f"doctor says why); install MUMPS' headers and microslip again, or let {VARIABLE} go"
         )
     matrix = A if shift is None else _shifted(A, *shift)
-    memory = None if is_asked_for(prefix) else foreseen(matrix, prefix)
+    memory = None if is_requested(prefix) else foreseen(matrix, prefix)
     if memory is not None:
         refuse_beyond(A.comm.tompi4py(), memory.in_core, f"{what}: its factor ({A.getSize()[0]} unknowns)", ADVICE)
     more: int | None = None

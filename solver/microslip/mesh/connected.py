@@ -95,13 +95,13 @@ def check_fixed(
     first, second = (on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
     part1, part2 = (first.T @ second).nonzero()
     tied = tied_bodies(part, n_parts, links)
-    _, cluster = _components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
-    cluster = cluster[:n_parts]
+    _, component = _components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
+    component = component[:n_parts]
     for side, other in ((first, second), (second, first)):
         fixed[side[np.diff(other.indptr) == 0].indices] = True
-    if not fixed.any() and len(np.unique(cluster)) == 1:
+    if not fixed.any() and len(np.unique(component)) == 1:
         return False
-    is_fixed = np.isin(cluster, cluster[fixed])
+    is_fixed = np.isin(component, component[fixed])
     if not is_fixed.all():
         free = [names[i] for i in np.flatnonzero(~is_fixed)]
         shown = "; ".join(free[:5]) + (" and others" if len(free) > 5 else "")

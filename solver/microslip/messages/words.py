@@ -40,7 +40,7 @@ def shortened(text: str, n_letters: int = 400) -> str:
     return text if len(text) <= n_letters else f"{text[:n_letters]} ..."
 
 
-def lies_deep(text: str) -> bool:
+def is_deeply_nested(text: str) -> bool:
     """Return whether tables of a TOML file lie deeper in each other than any that is meant.  Local."""
     return _DEEP.search(text) is not None
 

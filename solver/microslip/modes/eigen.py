@@ -61,7 +61,7 @@ class Modes:
 
 
 def lowest_modes(
-    linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
+    linearised: Linearised, n_modes: int, verify: bool = True, allows_fewer: bool = False, search: ModeSearch | None = None
 ) -> Modes:
     """Return the ``n_modes`` lowest modes of (K_L, M), for a free structure the lowest elastic modes.
 
@@ -71,7 +71,7 @@ def lowest_modes(
     ----------
     linearised : ``K_L``, ``M``, ``factor`` of K_L, ``system``
     verify : prove by the inertia of K_L - sigma M that no mode is missing: one additional factorisation
-    fewer_will_do : return all existing modes if fewer motions have mass
+    allows_fewer : return all existing modes if fewer motions have mass
     search : search of an earlier call, to be continued
 
     Returns
@@ -85,13 +85,13 @@ def lowest_modes(
     """
     start = perf_counter()
     n_dof = linearised.M.getSize()[0] // _copies(linearised) - linearised.factor.n_rigid
-    if fewer_will_do:
+    if allows_fewer:
         n_modes = min(n_modes, n_dof)
     if not 1 <= n_modes <= n_dof:
         raise CaseError(
             f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; ask for 1 to {n_dof} modes"
         )
-    eigenvalues, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify, search)
+    eigenvalues, phi_owned, info = _solve(linearised, n_modes, 1 if allows_fewer else n_modes, verify, search)
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, eigenvalues, phi_owned))
     order = np.argsort(eigenvalues)
     eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order]

@@ -51,13 +51,13 @@ def _solve(
         raise CaseError(
             f"the mass matrix is indefinite: z^T M z = {theta[-1]:.1e} z^T K_L z s2 for some motion; it must not be negative"
         )
-    n_found = _rank(M)
-    if n_found < n_least:
+    n_modes = _rank(M)
+    if n_modes < n_least:
         raise CaseError(
-            f"[solver] modes = {n_least}, but the structure has only {n_found}: its mass matrix leaves "
-            f"{len(theta) - n_found} motions without mass"
+            f"[solver] modes = {n_least}, but the structure has only {n_modes}: its mass matrix leaves "
+            f"{len(theta) - n_modes} motions without mass"
         )
-    x = x[:, : min(n_wanted, n_found)]
+    x = x[:, : min(n_wanted, n_modes)]
     mass, stiffness = (np.einsum("ij,ij->j", x, A @ x) for A in (M, K_L))
     theta = mass / stiffness  # the small ones to full relative accuracy
     order = np.argsort(-theta)

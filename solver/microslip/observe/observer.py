@@ -44,9 +44,9 @@ class Observers:
 
     def notify(self, event: str, *news: Any) -> None:
         """Call the method of this name on rank 0.  Collective on ``comm``: an error of an observer is raised on every rank."""
-        on_root(self.comm, self.hear, event, *news, share=False)
+        on_root(self.comm, self.receive, event, *news, share=False)
 
-    def hear(self, event: str, *news: Any) -> None:
+    def receive(self, event: str, *news: Any) -> None:
         """Pass an event on by its name."""
         getattr(self, event)(*news)
 

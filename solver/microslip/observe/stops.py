@@ -90,7 +90,7 @@ class Stops:
 
 
 @contextmanager
-def goes_on(folder: Path) -> Iterator[None]:
+def explaining_continuation(folder: Path) -> Iterator[None]:
     """Add to the message of an interruption the folder of the results and how to continue.  Local."""
     words = f"; what was computed until then is in {folder}, and the same command continues from there"
     with parting_with(words):

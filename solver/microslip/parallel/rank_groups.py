@@ -114,11 +114,11 @@ class Reports:
 
     Parameters
     ----------
-    hear : called on rank 0 with the arguments of each ``notify``; messages of a group arrive in order
+    on_message : called on rank 0 with the arguments of each ``notify``; messages of a group arrive in order
     """
 
-    def __init__(self, groups: Groups, hear: Callable[..., None]):
-        self._world, self._hear = groups.world.Dup(), hear
+    def __init__(self, groups: Groups, on_message: Callable[..., None]):
+        self._world, self._on_message = groups.world.Dup(), on_message
         self._is_root = groups.is_root
         self._at_work = {int(rank) for rank in groups.limits[1:-1]}  # roots that may still send to rank 0
         self._other_ranks = sorted(self._at_work)
@@ -132,7 +132,7 @@ class Reports:
         MicroslipError : the error that ended another group
         """
         if self._world.rank == 0:
-            self._hear(*news)
+            self._on_message(*news)
             self.listen()
         else:
             self._go_on()
@@ -153,7 +153,7 @@ class Reports:
             if news is None:
                 self._at_work.discard(status.source)
             else:
-                self._hear(*news)
+                self._on_message(*news)
 
     def finish(self) -> None:
         """Wait until rank 0 has received all messages of all groups.
@@ -221,11 +221,11 @@ def nothing(*news: Any) -> None:
     """Take no notice of a message."""
 
 
-def results_of(groups: Groups, tasks: Sequence[Task], hear: Callable[..., None] = nothing) -> list[Any]:
+def results_of(groups: Groups, tasks: Sequence[Task], on_message: Callable[..., None] = nothing) -> list[Any]:
     """Return on rank 0 the results of tasks, in their order; each group takes the next task whenever it is free.
 
     Collective on ``groups.world``; the list is empty on other ranks.  The result of a task is that of the group's root;
-    ``hear`` is called on rank 0 with the messages of the tasks.
+    ``on_message`` is called on rank 0 with the messages of the tasks.
 
     Raises
     ------
@@ -234,7 +234,7 @@ def results_of(groups: Groups, tasks: Sequence[Task], hear: Callable[..., None] 
     results: dict[int, Any] = {}
 
     def receive(kind: str, *news: Any) -> None:
-        results.update([news]) if kind == "result" else hear(*news)
+        results.update([news]) if kind == "result" else on_message(*news)
 
     counter, reports = Counter(groups.world), Reports(groups, receive)
     with reports.shared_failure():

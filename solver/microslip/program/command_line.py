@@ -285,10 +285,10 @@ _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, input f
 }
 
 
-def _option(of: str | tuple[str, ...], flag: str, metavar: str | None, says: str, **how) -> tuple[tuple[str, ...], str, dict]:
+def _option(of: str | tuple[str, ...], flag: str, metavar: str | None, meaning: str, **how) -> tuple[tuple[str, ...], str, dict]:
     """Return commands, flag and argparse's words of an option; one that takes no value is a switch."""
     kind = {"metavar": metavar} if metavar is not None else {"action": "store_true"}
-    return (of,) if isinstance(of, str) else of, flag, {**kind, "help": says, **how}
+    return (of,) if isinstance(of, str) else of, flag, {**kind, "help": meaning, **how}
 
 
 _LIST, _NUMBERS = {"type": _words}, {"type": _numbers}

@@ -19,7 +19,7 @@ from .excitation import Excitation
 from .receptance import Receptance
 from .reduced_structure import ReducedStructure
 
-_KEPT = 4  # frequencies for which a model caches the flexibilities
+_CACHED = 4  # frequencies for which a model caches the flexibilities
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ class ReducedModel(ReducedStructure):
             group.receptance.modes.flexibility(group.harmonics, omega) for group in self.groups
         )
         self._flexibilities[omega] = flexibilities  # now the most recent
-        if len(self._flexibilities) > _KEPT:
+        if len(self._flexibilities) > _CACHED:
             del self._flexibilities[next(iter(self._flexibilities))]
         return flexibilities
 

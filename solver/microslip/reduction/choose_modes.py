@@ -33,7 +33,7 @@ def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]
         stuck = stuck.with_lowest(settings.modes, settings.verify_modes)
         return stuck, as_stated(stuck.omega_n, settings, n_dof)
     if n_dof <= FEW:
-        stuck = stuck.with_lowest(n_dof, settings.verify_modes, fewer_will_do=True)
+        stuck = stuck.with_lowest(n_dof, settings.verify_modes, allows_fewer=True)
         return stuck, f"modes: all {stuck.n_modes} there are"
     return _fewest(stuck, settings)
 
@@ -59,24 +59,24 @@ def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
 def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
     n_dof, verify, mode = stuck.n_elastic, settings.verify_modes, settings.band.mode or 0
-    n_found, search = 0, None
+    n_computed, search = 0, None
     for n_batch, is_last in batches(n_dof, mode):
         if stuck.n_computed < n_batch:
             search = search or stuck.search()
-            stuck = stuck.with_modes(stuck.lowest_modes(n_batch, verify=False, fewer_will_do=True, search=search))
-        n_found = min(n_batch, stuck.n_computed)
-        is_all = n_found < n_batch or n_found == n_dof
-        if mode < n_found or is_all or is_last:
-            batch = stuck.using(n_found)
+            stuck = stuck.with_modes(stuck.lowest_modes(n_batch, verify=False, allows_fewer=True, search=search))
+        n_computed = min(n_batch, stuck.n_computed)
+        is_all = n_computed < n_batch or n_computed == n_dof
+        if mode < n_computed or is_all or is_last:
+            batch = stuck.using(n_computed)
             bound = _bound(batch, settings)
             n_modes, why = stuck.comm.bcast(picked(bound, batch.omega_n, is_all, is_last, settings))
-            if n_modes and (n_modes == n_found or not verify):
+            if n_modes and (n_modes == n_computed or not verify):
                 return stuck.using(n_modes), why
             chosen = stuck.using_proved(n_modes) if n_modes else None
             if chosen is not None:
                 return chosen, why
-    modes = stuck.lowest_modes(n_found, search=search)
-    return stuck.with_modes(modes), f"modes: {n_found}, the most the program picks by itself"
+    modes = stuck.lowest_modes(n_computed, search=search)
+    return stuck.with_modes(modes), f"modes: {n_computed}, the most the program picks by itself"
 
 
 def _bound(stuck: StuckStructure, settings: ReductionSettings) -> TruncationBound:
@@ -109,8 +109,8 @@ def picked(
     """
     n_modes = _first_within(bound.total, omega_n, settings)
     if n_modes is None and is_all:
-        n_found = len(omega_n)
-        return n_found, f"modes: all {n_found} there are; leaving any out would cost the accuracy {settings.accuracy:g}"
+        n_modes = len(omega_n)
+        return n_modes, f"modes: all {n_modes} there are; leaving any out would cost the accuracy {settings.accuracy:g}"
     if n_modes is None and is_last:
         n_modes = _out_of_reach(bound.total, settings)
     return n_modes, _why(n_modes, omega_n, bound, settings.accuracy) if n_modes else ""

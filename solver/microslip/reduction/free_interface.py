@@ -56,11 +56,11 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     A.setOption(PETSc.Mat.Option.SPD, True)
     shifted = Linearised(system, A, system.M, Factor(A, system, what="K + alpha M"))
-    free = lowest_modes(shifted, n_modes, settings.verify_modes, fewer_will_do=True)
+    free = lowest_modes(shifted, n_modes, settings.verify_modes, allows_fewer=True)
     n_rigid = _count_rigid(free, alpha, modes)
     if n_rigid == len(free.omega_n) < system.n_dof:  # there may be more
         most = min(n_modes + 6 * max(len(system.part_names), 1), system.n_dof)
-        n_rigid = _count_rigid(lowest_modes(shifted, most, settings.verify_modes, fewer_will_do=True), alpha, modes)
+        n_rigid = _count_rigid(lowest_modes(shifted, most, settings.verify_modes, allows_fewer=True), alpha, modes)
     if n_rigid > n_modes:
         shifted.destroy()
         raise CaseError(

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
-_ASKED_FROM = 1e8  # bytes of columns from which the available memory is checked first
+_CHECKED_FROM = 1e8  # bytes of columns from which the available memory is checked first
 _COUPLED = 1e-7  # of a damping matrix: less of it that couples rigid-body motion to vibration is rounding
 _FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machines hold more of them"
 
@@ -344,14 +344,14 @@ class StuckStructure:
         return ModeSearch(self.linearised)
 
     def lowest_modes(
-        self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
+        self, n_modes: int, verify: bool = True, allows_fewer: bool = False, search: ModeSearch | None = None
     ) -> Modes:
         """Return the lowest modes; arguments and errors as in :func:`~microslip.modes.eigen.lowest_modes`."""
-        modes = lowest_modes(self.linearised, n_modes, verify, fewer_will_do, search)
+        modes = lowest_modes(self.linearised, n_modes, verify, allows_fewer, search)
         return conjugated(modes) if self.is_conjugate else modes
 
     def with_lowest(
-        self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
+        self, n_modes: int, verify: bool = True, allows_fewer: bool = False, search: ModeSearch | None = None
     ) -> Self:
         """Return the structure with its lowest ``n_modes`` in use: computed already, or by :meth:`lowest_modes`.
 
@@ -361,7 +361,7 @@ class StuckStructure:
             structure = self.using_proved(n_modes) if verify else self.using(n_modes)
             if structure is not None:
                 return structure
-        return self.with_modes(self.lowest_modes(n_modes, verify, fewer_will_do, search))
+        return self.with_modes(self.lowest_modes(n_modes, verify, allows_fewer, search))
 
     def using_proved(self, n_modes: int) -> Self | None:
         """Return the structure with its first ``n_modes`` in use, None if they cannot be proved to be the lowest.
@@ -533,7 +533,7 @@ def pair_columns(
 
     def solve(pairs: np.ndarray) -> np.ndarray:
         chosen, R = rows_of(pairs), linearised().maps.R
-        if 8.0 * len(chosen) * n_rows > _ASKED_FROM:
+        if 8.0 * len(chosen) * n_rows > _CHECKED_FROM:
             refuse_beyond(comm, 16.0 * len(chosen) * 3 * n_owned, f"static columns of {len(pairs)} more pairs", _FEWER)
         return flexibility_between(linearised(), R, R.conj().T.tocsc()[:, chosen], 3 * pair_ranges, sums.of(chosen))
 

@@ -101,11 +101,11 @@ class BranchFiles:
         comm: MPI.Comm,
         folder: Path,
         segment: int,
-        say: Callable[[str], None] = lambda text: None,
+        note: Callable[[str], None] = lambda text: None,
         other_ranges: Callable[[], list[tuple[Path, Sweep]]] = list,
         disk: Disk | None = None,
     ):
-        self.comm, self._folder, self._say, self._other_ranges = comm, folder, say, other_ranges
+        self.comm, self._folder, self._note, self._other_ranges = comm, folder, note, other_ranges
         self._points, self._state, self._end = (folder / f"{name}.{segment}" for name in ("points", "state", "end"))
         self._journal: Journal | None = None  # on rank 0
         self._latest: Latest | None = None  # on rank 0
@@ -128,7 +128,7 @@ class BranchFiles:
         points, _ = self._read_points(outcome["n_points"])
         if len(points) < outcome["n_points"]:
             return None
-        self._say(f"  its {len(points)} points are from an earlier run")
+        self._note(f"  its {len(points)} points are from an earlier run")
         return Branch(outcome["level"], points, **{name: outcome[name] for name in _OUTCOME})
 
     def restored(self, task: BranchTask, workspace: Workspace) -> Restored | None:
@@ -151,7 +151,7 @@ class BranchFiles:
             points, length = self._read_points(n_points)
             if len(points) == n_points:
                 self._journal, self._n_points = Journal(self._points, length, self._disk), len(points)
-                self._say(f"  continues after {len(points)} points of an earlier run")
+                self._note(f"  continues after {len(points)} points of an earlier run")
                 return arrays, points
         self._journal, self._n_points = Journal(self._points, 0, self._disk), 0
         return None
@@ -176,7 +176,7 @@ class BranchFiles:
                 continue
             points, _ = other._read_points(finished[1]["n_points"])
             if len(points) == finished[1]["n_points"] == states[0][0]["n_points"]:
-                self._say(f"  {len(points)} of its points are from a narrower range")
+                self._note(f"  {len(points)} of its points are from a narrower range")
                 return sweep, states[0][0], points
         return None
 

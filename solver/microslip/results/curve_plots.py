@@ -59,9 +59,9 @@ def draw_response(results: ResultFile) -> Pages:
         if any(level.error is not None for level in results.levels):
             handles.append(Patch(facecolor=FAINT, alpha=_BAND, lw=0.0, label="error bar"))
         unit_of_load = "newton of load" if results.level_unit == "N" else "unit of the level"
-        says = f"response, harmonic 1: amplitude, and amplitude per {unit_of_load}"
-        says += "; at peaks the damping ratio \u03b6" if solved else ""
-        page = Page(results, says, WIDTH, 0.35 + 2.35 * n_rows, handles)
+        heading = f"response, harmonic 1: amplitude, and amplitude per {unit_of_load}"
+        heading += "; at peaks the damping ratio \u03b6" if solved else ""
+        page = Page(results, heading, WIDTH, 0.35 + 2.35 * n_rows, handles)
         axes = page.grid(n_rows, 2).subplots(sharex=True, squeeze=False)
         units = [
             _response_row(results, drawn, k, row, name if len(results.outputs) > 1 else "")
@@ -123,8 +123,8 @@ def draw_states(results: ResultFile) -> Pages:
 def draw_rom_size(results: ResultFile) -> Pages:
     """Draw the unknowns of the reduced model along the curve of every level.  Local."""
     drawn = _with_colours(results)
-    says = f"unknowns of the model along the curve, method {plain(results.method)}"
-    page = Page(results, says, 4.6, 2.6, _level_handles(drawn, False))
+    heading = f"unknowns of the model along the curve, method {plain(results.method)}"
+    page = Page(results, heading, 4.6, 2.6, _level_handles(drawn, False))
     ax = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     for (level, colour), width in zip(drawn, np.linspace(3.0, 1.2, len(drawn))):  # equal curves show under each other
         _curve(ax, level, level.unknowns, colour, lw=width if len(drawn) > 1 else 1.2)
@@ -147,8 +147,8 @@ def draw_energy(results: ResultFile) -> Pages:
         ("friction", "friction", "#d55e00", "-."),
     )
     handles = [Line2D([], [], color=c, ls=s, lw=1.2, label=label) for _, label, c, s in parts]
-    says = "energy per cycle along the curve, and the closure |input \u2212 damping \u2212 friction| / input"
-    page, axes = _panels(results, says, levels, handles, foot=1.5)
+    heading = "energy per cycle along the curve, and the closure |input \u2212 damping \u2212 friction| / input"
+    page, axes = _panels(results, heading, levels, handles, foot=1.5)
     for ax, level in zip(axes, levels):
         factor, unit = with_prefix(np.concatenate([getattr(level, name) for name, *_ in parts]), "J")
         for name, _, colour, style in parts:
@@ -205,8 +205,8 @@ def draw_error(results: ResultFile) -> Pages:
     handles += [
         Line2D([], [], color=colour, lw=1.1, label=part) for (part, colour), is_seen in zip(styles, is_visible) if is_seen
     ]
-    says = f"error bar of {plain(results.outputs[0], 24)}, and what it comes from, over the peak of the level"
-    page, axes = _panels(results, says, levels, handles)
+    heading = f"error bar of {plain(results.outputs[0], 24)}, and what it comes from, over the peak of the level"
+    page, axes = _panels(results, heading, levels, handles)
     for ax, level, (bars, parts), low in zip(axes, levels, shares, lowest):
         ax.set_ylabel("error / peak [-]")
         if bars.max() <= _LEAST_ERROR:
@@ -253,14 +253,14 @@ def _level_handles(drawn, linear: bool, peaks: bool = False) -> list[Line2D]:
     return handles
 
 
-def _panels(results: ResultFile, says: str, levels: list[LevelResult], handles, foot: float = 0.0):
+def _panels(results: ResultFile, heading: str, levels: list[LevelResult], handles, foot: float = 0.0):
     """Return a page and its axes, one a level; with ``foot`` [in] one more across the page below them."""
     n_rows, n_columns = panels(len(levels))
     if len(levels) < len(results.levels):
-        says += f"; {len(levels)} of {len(results.levels)} levels"
+        heading += f"; {len(levels)} of {len(results.levels)} levels"
     row = 1.75 if n_columns < 3 else 1.5
     heights = [row] * n_rows + ([foot] if foot else [])
-    page = Page(results, says, WIDTH if n_columns > 1 else 4.6, 0.3 + sum(heights), handles)
+    page = Page(results, heading, WIDTH if n_columns > 1 else 4.6, 0.3 + sum(heights), handles)
     cells = page.grid(len(heights), n_columns, height_ratios=heights)
     axes = [page.figure.add_subplot(cells[divmod(i, n_columns)]) for i in range(len(levels))]
     for i, (ax, level) in enumerate(zip(axes, levels)):

@@ -59,7 +59,7 @@ class RunRecord:
     notes: tuple[str, ...] = ()
 
 
-def keep_fields(path: str, fields: Fields | None, run: RunRecord | None = None) -> None:
+def store_fields(path: str, fields: Fields | None, run: RunRecord | None = None) -> None:
     """Add fields and the log of the run to a result file, atomically.  Local, on rank 0.
 
     Raises

@@ -21,7 +21,7 @@ SIZES = {"outputs": "n_output", "pairs": "n_pair", "coefficients": "2H+1"}  # th
 def columns_table(columns: Iterable[Column] = COLUMNS) -> str:
     """Return the columns of a table, frf.csv by default; columns with the same meaning share a row."""
     rows = groupby(columns, key=lambda column: column.meaning)
-    return _table(("column", "meaning"), ((", ".join(f"`{column.name}`" for column in same), says) for says, same in rows))
+    return _table(("column", "meaning"), ((", ".join(f"`{column.name}`" for column in same), meaning) for meaning, same in rows))
 
 
 def datasets_table(quantities: Iterable[Quantity], *first: str) -> str:

@@ -37,12 +37,12 @@ def draw_slip_map(results: ResultFile) -> Pages:
     colours = np.array([matplotlib.colors.to_rgba(c) for c in STATE_COLOURS])
     n_at_rest = int(np.count_nonzero(results.joint.open_at_rest))
 
-    def says(level: LevelResult) -> str:
+    def states(level: LevelResult) -> str:
         _, n_slip, n_open = counts(level.state[level.top])
         moving = [f"{n} {name}" for n, name in ((n_slip, "slip"), (n_open, "open")) if n]
         return (", ".join(moving) or "all stick") + (f" ({n_at_rest} at rest)" if n_at_rest else "")
 
-    blocks = [(_at_peak(level, says(level)), colours[level.state[level.top]]) for level in some(results.solved, MOST_PANELS)]
+    blocks = [(_at_peak(level, states(level)), colours[level.state[level.top]]) for level in some(results.solved, MOST_PANELS)]
     what = "states of the contact pairs at the peak of each level" + _of_levels(results)
     return draw_on_joint(results, "slip_map.png", what, blocks, handles)
 
@@ -69,13 +69,13 @@ def draw_energy_map(results: ResultFile) -> Pages:
             rgba[loss > 0.0] = palette(0.04 + 0.92 * scale(loss[loss > 0.0]))
         return rgba
 
-    def says(level: LevelResult) -> str:
+    def total(level: LevelResult) -> str:
         loss = level.energy[level.top][level.state[level.top] != STICK].sum()
         factor, prefix = with_prefix(loss, "J")
         return f"{factor * loss:.3g} {prefix}" if loss > 0.0 else "no loss"
 
     shown = some(list(zip(results.solved, at_peaks)), MOST_PANELS)
-    blocks = [(_at_peak(level, says(level)), colours(loss)) for level, loss in shown]
+    blocks = [(_at_peak(level, total(level)), colours(loss)) for level, loss in shown]
     what = "friction loss per cycle" + (" and area" if per_area else " of each pair") + " at the peak of each level"
     what += ("" if len(losses) else ": none") + _of_levels(results)
     shades = matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256)))
@@ -138,14 +138,14 @@ def _swatch(colour: str, label: str) -> Swatch:
     return Swatch(facecolor=colour, edgecolor=FAINT, lw=0.4, label=label)
 
 
-def _at_peak(level: LevelResult, says: str) -> str:
+def _at_peak(level: LevelResult, text: str) -> str:
     """Return the heading of a level's block at its highest point."""
-    return _at(level, level.frequency[level.top], says)
+    return _at(level, level.frequency[level.top], text)
 
 
-def _at(level: LevelResult, frequency: float, says: str) -> str:
+def _at(level: LevelResult, frequency: float, text: str) -> str:
     """Return the heading of a level's block."""
-    return f"{level_name(level, short=True)}, {frequency:.5g} Hz: {says}"
+    return f"{level_name(level, short=True)}, {frequency:.5g} Hz: {text}"
 
 
 def _of_levels(results: ResultFile) -> str:
@@ -236,7 +236,7 @@ def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled:
 
 
 def draw_on_joint(
-    results: ResultFile, name: str, says: str, blocks: Sequence[tuple[str, np.ndarray]], handles, bar=None
+    results: ResultFile, name: str, heading: str, blocks: Sequence[tuple[str, np.ndarray]], handles, bar=None
 ) -> Pages:
     """Draw the surfaces once for each block, a heading and the colours (n_pairs, 4) of the pairs.
 
@@ -249,12 +249,12 @@ def draw_on_joint(
     shown = [surfaces[i] for i in sorted(largest)]
     layout = choose_layout(np.array([patch.size for patch in shown]), len(blocks), len(surfaces) > 1)
     if len(shown) < len(surfaces):
-        says += f"; {len(shown)} of {len(surfaces)} surfaces"
+        heading += f"; {len(shown)} of {len(surfaces)} surfaces"
     if not all(patch.to_scale for patch in shown):
-        says += "; pairs in the order of their numbers"
+        heading += "; pairs in the order of their numbers"
     elif layout.stretch > 1.01:
-        says += f"; across stretched {layout.stretch:.2g} times"
-    page = Page(results, says, WIDTH, layout.height(len(blocks)) + (0.56 if bar else 0.0), handles)
+        heading += f"; across stretched {layout.stretch:.2g} times"
+    page = Page(results, heading, WIDTH, layout.height(len(blocks)) + (0.56 if bar else 0.0), handles)
     for i, (head, rgba) in enumerate(blocks):
         x, y = layout.upper_left(i, page.top)
         page.text(x, y + 0.04, head)

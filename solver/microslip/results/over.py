@@ -41,7 +41,7 @@ COLUMNS = (
 )
 
 
-def keep_peaks_over(folder: str, head: ResultFile, curves: Sequence[PeaksOver]) -> None:
+def store_peaks_over(folder: str, head: ResultFile, curves: Sequence[PeaksOver]) -> None:
     """Add curves to results.h5, and write their table.  Local, on rank 0; each file is complete or as it was.
 
     Raises

@@ -40,8 +40,8 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
         Line2D([], [], ls="", marker=m, ms=4.5, mfc="white", mec=INK, label=f"first point where {text}") for text, m in marked
     ]
     handles += [Line2D([], [], **LINEAR, label="all pairs stick")] if has_linear(curves[0].key) else []
-    says = f"peak of {name} over {'the level' if first.key == 'level' else plain(first.key, 50)}{of_level}"
-    page = Page(results, f"{says}; damping ratio of one mode with this amplitude per unit of the level", WIDTH, 4.4, handles)
+    heading = f"peak of {name} over {'the level' if first.key == 'level' else plain(first.key, 50)}{of_level}"
+    page = Page(results, f"{heading}; damping ratio of one mode with this amplitude per unit of the level", WIDTH, 4.4, handles)
     axes = page.grid(2, 2).subplots(sharex=True)
     unit = results.unit_of(k)
     factor, prefixed = with_prefix(np.concatenate([curve.amplitude for curve in curves]), unit)

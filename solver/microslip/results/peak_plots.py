@@ -54,8 +54,8 @@ def draw_peaks(results: ResultFile) -> Pages:
     pages: Pages = {}
     for number, outputs in outputs_by_page(results):
         handles = [Line2D([], [], color=INK, lw=0.9, marker="o", ms=4.0, mfc="white", label="a resonance, level by level")]
-        says = "peaks of harmonic 1 over the level: amplitude, frequency, damping ratio of one mode of the half-power width"
-        page = Page(results, says, WIDTH, 0.35 + 2.0 * len(outputs), handles)
+        heading = "peaks of harmonic 1 over the level: amplitude, frequency, damping ratio of one mode of the half-power width"
+        page = Page(results, heading, WIDTH, 0.35 + 2.0 * len(outputs), handles)
         axes = page.grid(len(outputs), 3).subplots(sharex=True, squeeze=False)
         for (k, name), row in zip(outputs, axes):
             _draw_row(row, resonances(levels, k), results.unit_of(k), f"{plain(name, 24)}, " if len(results.outputs) > 1 else "")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..messages.errors import CaseError
-from ..messages.words import lies_deep
+from ..messages.words import is_deeply_nested
 from ..system.files import atomic_write
 from .origin import InputFile
 from .record import ResultFile
@@ -84,7 +84,7 @@ def relocated(results: ResultFile, folder: Path) -> str:
                 return os.path.relpath(home / path, folder.absolute()) + name
         return stated
 
-    if lies_deep(text):
+    if is_deeply_nested(text):
         return text
     try:
         tables = tomllib.loads(text)

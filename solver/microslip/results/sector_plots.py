@@ -35,8 +35,10 @@ def draw_sectors(results: ResultFile) -> Pages:
     lines = {"marker": "o", "ms": 3.0, "lw": 0.9, "clip_on": False}
     handles = [Line2D([], [], color=colour, label=level_name(level), **lines) for level, colour in zip(levels, colours)]
     name = plain(results.outputs[0].removesuffix(" 0"), 30)
-    says = f"by sector: largest amplitude of harmonic 1 of {name} (dashed: root mean square); friction loss at the largest of all"
-    page = Page(results, says, WIDTH, 4.4, handles)
+    heading = (
+        f"by sector: largest amplitude of harmonic 1 of {name} (dashed: root mean square); friction loss at the largest of all"
+    )
+    page = Page(results, heading, WIDTH, 4.4, handles)
     top, bottom = page.grid(2, 1).subplots(sharex=True)
     factor, unit = with_prefix([top.max() for top in tops], f"{results.unit_of(0)}/{results.level_unit}")
     of_losses, joule = with_prefix([0.0, *(float(loss.max()) for loss in losses)], "J")

@@ -61,8 +61,8 @@ def draw_multipliers(results: ResultFile) -> Pages:
     ]
     largest = max(np.hypot(*np.moveaxis(level.multipliers, -1, 0)).max(initial=0.0) for level in levels)
     if largest > FARTHEST:
-        says = f"of size above {FARTHEST:g}, up to {largest:.3g}"
-        handles.append(Line2D([], [], color="none", marker="D", ms=4.0, mfc="none", mec=INK, label=says))
+        label = f"of size above {FARTHEST:g}, up to {largest:.3g}"
+        handles.append(Line2D([], [], color="none", marker="D", ms=4.0, mfc="none", mec=INK, label=label))
     n_rows, n_columns = panels(len(levels))
     page = Page(results, "largest Floquet multipliers, and the unit circle", WIDTH, 0.3 + 2.6 * n_rows, handles)
     angle = np.linspace(0.0, 2.0 * np.pi, 200)

@@ -149,9 +149,9 @@ class Page:
 
     LINE, ENTRY, MARGIN = 0.145, 0.155, 0.08
 
-    def __init__(self, results: Titled, says: str, width: float, height: float, handles: Sequence = ()):
+    def __init__(self, results: Titled, heading: str, width: float, height: float, handles: Sequence = ()):
         title = textwrap.wrap(plain(results.title, 300), int(14 * width), max_lines=2, placeholder=" \u2026")
-        lines = textwrap.wrap(says, int(16 * width))
+        lines = textwrap.wrap(heading, int(16 * width))
         columns = legend_columns([handle.get_label() for handle in handles], width)
         text_height = self.LINE * (len(title) + len(lines))
         self.top = self.MARGIN + text_height + (0.1 + self.ENTRY * math.ceil(len(handles) / columns) if handles else 0.06)

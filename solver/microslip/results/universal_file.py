@@ -59,10 +59,12 @@ def _data_sets(results: ResultFile, fields: Fields | None) -> Iterator[tuple[int
         for number, motion in fields.peaks.items():
             level = results.levels[number]
             first = motion.u[:, :, 1] - 1j * motion.u[:, :, 2]
-            says = f"harmonic 1 at the peak, level {_level(level)}"
+            heading = f"harmonic 1 at the peak, level {_level(level)}"
             yield (
                 55,
-                _shape(results, fields.mesh, says, (2, 1, number + 1, motion.point + 1), (level.frequency[motion.point],), first),
+                _shape(
+                    results, fields.mesh, heading, (2, 1, number + 1, motion.point + 1), (level.frequency[motion.point],), first
+                ),
             )
     for number, level in enumerate(results.levels):
         for k in range(len(results.outputs)):
@@ -89,14 +91,14 @@ def _elements(mesh: Mesh) -> Iterator[str]:
 
 
 def _shape(
-    results: ResultFile, mesh: Mesh, says: str, integers: tuple[int, ...], real: tuple[float, ...], u: np.ndarray
+    results: ResultFile, mesh: Mesh, heading: str, integers: tuple[int, ...], real: tuple[float, ...], u: np.ndarray
 ) -> Iterator[str]:
     """Yield a vector at every node: real of a mode, complex of a response.
 
     ``integers`` begins with the numbers of what follows in it, and of ``real``.
     """
     analysis, kind = (5, 5) if np.iscomplexobj(u) else (2, 2)
-    yield from (_line(text) for text in (results.title, says, "microslip", "", ""))
+    yield from (_line(text) for text in (results.title, heading, "microslip", "", ""))
     yield "".join(f"{value:10d}" for value in (1, analysis, 2, _DISPLACEMENT, kind, 3))
     yield "".join(f"{value:10d}" for value in integers)
     yield "".join(map(_single, real))

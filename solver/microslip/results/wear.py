@@ -112,7 +112,7 @@ _ARRAYS = {
 }
 
 
-def keep_wear(path: str, history: WearHistory) -> None:
+def store_wear(path: str, history: WearHistory) -> None:
     """Add the group ``wear`` to an existing results.h5.  Local; the file is complete or as it was.
 
     Raises

@@ -27,8 +27,8 @@ def draw_wear(results: ResultFile, history: WearHistory, curves: Sequence[LevelR
     if len(names) > 1:
         handles += [Line2D([], [], color=_COLOURS[k % 6], marker="o", ms=2.5, label=name) for k, name in enumerate(names)]
     of_peak = f"at {history.frequency[0]:.6g} Hz" if history.frequency_stays else f"at the peak of {plain(history.output, 30)}"
-    says = f"wear {of_peak} at {history.level:g} {history.level_unit}, by {history.law}: response and joint over the cycles"
-    page = Page(results, says, WIDTH, 4.4, handles)
+    heading = f"wear {of_peak} at {history.level:g} {history.level_unit}, by {history.law}: response and joint over the cycles"
+    page = Page(results, heading, WIDTH, 4.4, handles)
     axes = page.grid(2, 3).subplots()
     factor, unit = with_prefix(history.amplitude, history.output_unit)
     depth_factor, depth_unit = with_prefix(history.depth, "m")
@@ -36,14 +36,14 @@ def draw_wear(results: ResultFile, history: WearHistory, curves: Sequence[LevelR
     deepest = [depth_factor * history.depth[:, of_joint].max(axis=1, initial=0.0) for of_joint in of_joints]
     forces = [history.normal_force[:, of_joint] for of_joint in of_joints]
     least = [_share_of_first(N) for N in forces]
-    one = [
+    panels = [
         (axes[0, 1], f"amplitude [{unit}]", [factor * history.amplitude]),
         (axes[0, 2], "frequency [Hz]", [history.frequency]),
         (axes[1, 0], "damping ratio [%]", [100.0 * history.damping]),
         (axes[1, 1], f"largest depth [{depth_unit}]", deepest),
         (axes[1, 2], "least normal force of a pair [%]", least),
     ]
-    for ax, label, series in one:
+    for ax, label, series in panels:
         for k, values in enumerate(series):
             ax.plot(history.cycles, values, color=_COLOURS[k % 6] if len(series) > 1 else INK, marker="o", ms=2.5)
         ax.set_ylabel(label)

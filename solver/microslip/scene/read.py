@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..messages.errors import CaseError
-from ..messages.words import lies_deep, shortened
+from ..messages.words import is_deeply_nested, shortened
 from ..system.files import refuse_devices
 from .checks import absent, contradictions, missing_files
 from .messages import in_words
@@ -147,7 +147,7 @@ def _text(path: Path) -> str:
 
 
 def _tables(path: Path, text: str) -> dict[str, Any]:
-    if lies_deep(text):
+    if is_deeply_nested(text):
         raise CaseError(f"{path}: not a scene: lists or tables are nested too deeply")
     try:
         return _frozen(tomllib.loads(text))

@@ -103,7 +103,7 @@ def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
     mesh, constraints, n_nodes = loaded.mesh, loaded.system.constraints, len(acting.places)
     assert mesh is not None, "rank 0 of a structure with a mesh"
     part, part_names = connected_parts(mesh, loaded.body_of)
-    tied = np.arange(len(part_names)) if constraints is None else constraints.clusters
+    tied = np.arange(len(part_names)) if constraints is None else constraints.tied_bodies
     of_points = tied[part[list(() if constraints is None else constraints.group_nodes)]]
     contact = _contact_on_nodes(loaded.pairs, rest, n_nodes, loaded.cyclic)
     on_supports = np.where(acting.is_restrained, acting.resisted - acting.loads - contact, 0.0)

@@ -33,7 +33,7 @@ HALVINGS = 6  # halvings of a Newton step that increases the residual
 FARTHEST = 1e6  # times the displacement with all pairs stuck, beyond which a body is taken as free
 SHORTEST = 2.0**-12  # shortest part of a load step
 LARGEST = 12_000  # rows of a dense solve for pairs that open or slip
-_ASKED_FROM = 1e8  # bytes from which the available memory is checked before allocation
+_CHECKED_FROM = 1e8  # bytes from which the available memory is checked before allocation
 _BLOCK = 64  # pairs per block of copied rows of the flexibility
 _FEWER = "a coarser mesh of the contact surfaces, stiffer contact, or more ranks on more machines need less"
 
@@ -108,7 +108,7 @@ class Flexibility:
         ResourceError : not enough memory; on every rank
         """
         missing = np.flatnonzero(pairs & ~self.known)
-        if 72.0 * len(missing) * self.n_pairs > _ASKED_FROM:
+        if 72.0 * len(missing) * self.n_pairs > _CHECKED_FROM:
             needed = 72.0 * len(missing) * (self.owned.stop - self.owned.start)
             refuse_beyond(self.comm, needed, f"[statics]: {len(missing)} pairs that open or slip", _FEWER)
         self._columns.require(missing)
@@ -132,7 +132,7 @@ class Flexibility:
         counts = np.diff(np.searchsorted(pairs, self._limits))
         first, n_rows = int(counts[: self.comm.rank].sum()), 3 * len(pairs)
         local = slice(first, first + int(counts[self.comm.rank]))
-        if 8.0 * n_rows**2 > _ASKED_FROM:
+        if 8.0 * n_rows**2 > _CHECKED_FROM:
             needed = 8.0 * n_rows * (3 * (local.stop - local.start) + (n_rows if self.comm.rank == 0 < self.comm.size - 1 else 0))
             refuse_beyond(self.comm, needed, f"[statics]: the equilibrium of {len(pairs)} pairs that open or slip", _FEWER)
         columns, J_owned = self._columns.chosen(pairs), np.empty((3 * (local.stop - local.start), n_rows))

@@ -61,7 +61,7 @@ def _rigid_motions(loaded: Loaded) -> _Rigid:
     assert mesh is not None, "a scene with a mesh"
     part, names = connected_parts(mesh, loaded.body_of)
     if system.constraints is not None:
-        tied = system.constraints.clusters
+        tied = system.constraints.tied_bodies
         part, names = tied[part], tuple(" with ".join(names[i] for i in np.flatnonzero(tied == j)) for j in np.unique(tied))
     nodes = [np.flatnonzero(part == i) for i in range(len(names))]
     middle = np.array([mesh.points[of_part].mean(axis=0) for of_part in nodes])

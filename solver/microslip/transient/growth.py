@@ -38,12 +38,12 @@ def growth(march: March, start: Start, seed: int = 1) -> np.ndarray:
         now = _difference(pairs, z, p, root)
         for i, change in zip(left, np.linalg.norm(now - before, axis=1)):
             changes[i].append(float(change))
-        goes_on = np.array([SHRUNK * changes[i][0] < changes[i][-1] < GROWN * changes[i][0] for i in left])
-        if not goes_on.any():
+        continues = np.array([SHRUNK * changes[i][0] < changes[i][-1] < GROWN * changes[i][0] for i in left])
+        if not continues.any():
             break
-        both = np.flatnonzero(np.tile(goes_on, 2))
+        both = np.flatnonzero(np.tile(continues, 2))
         pairs, z, p = pairs.take(both), Motion(*(getattr(z, name)[both] for name in ("eta", "v", "a"))), p[both]
-        left, before = left[goes_on], now[goes_on]
+        left, before = left[continues], now[continues]
     return np.array([_rate(of_point) for of_point in changes])
 
 

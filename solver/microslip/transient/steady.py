@@ -36,7 +36,7 @@ class Start:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SteadyState:
     """The period of each of B points that is closest to a steady state, and its distance."""
 
     start: Start  # of this period
@@ -110,7 +110,7 @@ def steady_state(
     most_periods: int,
     accelerated: bool = True,
     report: Callable[[str], None] = lambda text: None,
-) -> Found:
+) -> SteadyState:
     """Return for every point the steady period, or the period closest to it.  Local.
 
     Without ``accelerated`` the points are marched to their steady state, from rest under a load that grows over ``RAMP`` periods.
@@ -188,7 +188,7 @@ def _single(cycle: Cycle, i: int) -> Cycle:
     return Cycle(cycle.eta[:, column].copy(), cycle.v[:, column].copy(), cycle.p[:, column].copy(), cycle.state[column])
 
 
-def _together(steady: list[tuple]) -> Found:
+def _together(steady: list[tuple]) -> SteadyState:
     starts, cycles, periods, change, distance = zip(*steady)
     motion = Motion(*(np.concatenate([getattr(start.z, name) for start in starts]) for name in ("eta", "v", "a")))
     cycle = Cycle(
@@ -197,7 +197,7 @@ def _together(steady: list[tuple]) -> Found:
             for name, axis in (("eta", 1), ("v", 1), ("p", 1), ("state", 0))
         )
     )
-    return Found(
+    return SteadyState(
         Start(motion, np.concatenate([start.p for start in starts])),
         cycle,
         np.array(periods),

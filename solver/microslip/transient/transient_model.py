@@ -12,7 +12,7 @@ from ..receptance.modes import DampedModes
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.rigid_motion import RigidMotion
 
-_ASKED_FROM = 1e8  # bytes of G from which the available memory is checked first
+_CHECKED_FROM = 1e8  # bytes of G from which the available memory is checked first
 _BLOCK = 512  # rows of G computed at a time
 _FEWER = "fewer ranks on each machine, or a coarser mesh of the contact surfaces, need less"
 
@@ -95,7 +95,7 @@ def transient_model(model: ReducedModel, law: Law) -> TransientModel:
 def _refuse_what_does_not_fit(model: ReducedModel) -> None:
     """Raise ResourceError if G and the static columns do not fit into memory.  Collective."""
     n_owned, n_missing = model.owned.stop - model.owned.start, np.count_nonzero(~model.groups[0].receptance.static.G_static.known)
-    if 72.0 * model.n_pairs**2 > _ASKED_FROM:
+    if 72.0 * model.n_pairs**2 > _CHECKED_FROM:
         n_rows = n_owned if model.comm.size > 1 else 0  # in addition to the gathered rows
         needed = 72.0 * (model.n_pairs**2 + n_rows * model.n_pairs + n_missing * n_owned)
         refuse_beyond(model.comm, needed, f"time integration: the flexibility between all {model.n_pairs} pairs", _FEWER)

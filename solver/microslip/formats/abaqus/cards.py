@@ -64,7 +64,7 @@ class Card:
             raise MeshError(self._no_numbers())
         return values, counts[counts > 0]
 
-    def goes_on(self) -> np.ndarray:
+    def continues(self) -> np.ndarray:
         """Return which data lines that are not empty end in a comma, (n_lines,) bool."""
         lines = [line.rstrip() for piece in self.pieces for line in piece.text.split(b"\n")]
         return np.array([line.endswith(b",") for line in lines if line.strip(b", \t")], dtype=bool)

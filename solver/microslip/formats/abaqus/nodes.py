@@ -137,9 +137,9 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
     starts, what = begins[first], f"{card.where}: *ELEMENT, TYPE={word}"
     lengths = begins[last] + counts[last] - starts
     beyond = np.flatnonzero((lengths > width) & (last > first))
-    goes_on = card.goes_on() if len(beyond) else np.zeros(0, dtype=bool)
+    continues = card.continues() if len(beyond) else np.zeros(0, dtype=bool)
     for i in beyond:
-        ends_in_comma = goes_on[first[i] : last[i]]
+        ends_in_comma = continues[first[i] : last[i]]
         if not ends_in_comma.all():
             n = begins[first[i] + np.argmin(ends_in_comma) + 1] - starts[i] - 1
             raise MeshError(f"{what}: element {values[starts[i]]:.0f} has {n} nodes, and {n_nodes} are expected{_DAMAGED}")
@@ -179,13 +179,13 @@ def _with_names(card: Card, word: str, n_nodes: int) -> Elements:
 def _unknown_rows(card: Card) -> np.ndarray:
     """Return (n, 1 + most nodes) numbers of elements of an unknown type, padded with 0."""
     rows: list[list[int]] = []
-    goes_on = False
+    continues = False
     for words, where in card.lines():
-        if not goes_on:
+        if not continues:
             rows.append([])
         if not all(word.isdigit() for word in words if word):
             raise MeshError(f"{where}: *ELEMENT holds {','.join(words)[:60]!r} where numbers are expected")
         rows[-1] += [int(word) for word in words if word]
-        goes_on = not words[-1]
+        continues = not words[-1]
     width = max((len(row) for row in rows), default=1)
     return np.array([row + [0] * (width - len(row)) for row in rows], dtype=np.int64).reshape(-1, width)

@@ -43,7 +43,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     n_modes = min(len(stuck.modes.omega_n), system.n_dof - len(b))
     phi_owned = psi_owned[:, :0]
     if n_modes:
-        phi_owned = lowest_modes(fixed, n_modes, settings.verify_modes, fewer_will_do=True).phi_owned
+        phi_owned = lowest_modes(fixed, n_modes, settings.verify_modes, allows_fewer=True).phi_owned
     fixed.destroy()
     fixed.M.destroy()
     return reduce_on_basis(stuck, np.hstack([phi_owned, psi_owned]), settings)

@@ -78,7 +78,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     Y = sp.hstack([system.R.T, system.loads, system.outputs.T], format="csc")
     all_modes = system.n_dof if system.n_dof <= ALL_MODES or system.C is not None else None
     if all_modes:
-        modes, n_blocks = stuck.lowest_modes(all_modes, fewer_will_do=True), 1
+        modes, n_blocks = stuck.lowest_modes(all_modes, allows_fewer=True), 1
     else:
         modes, n_blocks = modes_beyond(stuck, settings)
     _refuse_too_large(settings.where, system.n_dof, len(modes.omega_n) + n_blocks * Y.shape[1], system.comm)
@@ -91,7 +91,7 @@ def modes_beyond(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Mo
     n_dof, modes = stuck.n_dof, stuck.modes
     highest = max(settings.excitation.harmonics.highest, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
     while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
-        modes = stuck.lowest_modes(min(2 * len(modes.omega_n), n_dof), settings.verify_modes, fewer_will_do=True)
+        modes = stuck.lowest_modes(min(2 * len(modes.omega_n), n_dof), settings.verify_modes, allows_fewer=True)
     return modes, n_blocks_for(ratio)
 
 

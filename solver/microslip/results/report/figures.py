@@ -90,10 +90,10 @@ def _response(results: ResultFile, levels, k: int, per_level: bool) -> Figure:
 def _marks(level: LevelResult, k: int, factor: float, unit: str, colour: str) -> list[Figure]:
     """Return the peaks of output k that were solved for, marked in the curve of a level."""
     peaks = [peak for peak in level.peaks or () if peak.output == k]
-    says = f"peak: %{{y:.6g}} {unit} at %{{x:.9g}} Hz<br>damping ratio %{{customdata:.3g}} %<extra>{_name(level)}</extra>"
+    text = f"peak: %{{y:.6g}} {unit} at %{{x:.9g}} Hz<br>damping ratio %{{customdata:.3g}} %<extra>{_name(level)}</extra>"
     x, y = [hertz(peak.omega) for peak in peaks], [factor * abs(peak.amplitude) for peak in peaks]
     marker = {"symbol": "circle-open", "size": 9, "color": colour}
-    style = {"mode": "markers", "marker": marker, "showlegend": False, "legendgroup": _name(level), "hovertemplate": says}
+    style = {"mode": "markers", "marker": marker, "showlegend": False, "legendgroup": _name(level), "hovertemplate": text}
     return [_trace(x, y, "peak", {}, **style, customdata=_plain([100.0 * peak.damping for peak in peaks]))] if peaks else []
 
 
@@ -151,8 +151,8 @@ def _states(results: ResultFile, levels) -> Figure:
         for k, dash in ((1, "solid"), (2, "dot")):
             number = counts(level.state)[:, k]
             if k == 1 or number.any():
-                says = f"%{{y}} of {results.joint.n_pairs} pairs {STATE_NAMES[k]} at %{{x:.7g}} Hz"
-                trace = _line(level, number, colour, says)
+                text = f"%{{y}} of {results.joint.n_pairs} pairs {STATE_NAMES[k]} at %{{x:.7g}} Hz"
+                trace = _line(level, number, colour, text)
                 trace["line"]["dash"], trace["showlegend"] = dash, k == 1
                 traces.append(trace)
     return _figure(traces, "frequency [Hz]", "pairs slipping, dotted: open")
@@ -189,8 +189,8 @@ def _error(levels) -> Figure:
             continue
         top = amplitude(level.response[:, 0]).max() or 1.0
         parts = 100.0 * level.error[:, 0] / top
-        says = "".join(f"<br>{name} %{{customdata[{k}]:.2g}} %" for k, name in enumerate(PARTS))
-        trace = _line(level, np.maximum(total(parts), 1e-12), colour, "± %{y:.3g} % of the peak at %{x:.7g} Hz" + says)
+        text = "".join(f"<br>{name} %{{customdata[{k}]:.2g}} %" for k, name in enumerate(PARTS))
+        trace = _line(level, np.maximum(total(parts), 1e-12), colour, "± %{y:.3g} % of the peak at %{x:.7g} Hz" + text)
         trace["customdata"] = _cut(level, parts)
         traces.append(trace)
     return _log(_figure(traces, "frequency [Hz]", "error bar [% of the peak]"))
@@ -209,8 +209,8 @@ def _over(results: ResultFile, i: int, curve: PeaksOver) -> dict[str, Figure]:
     }
     is_wide = curve.value.min() > 0.0 and curve.value.max() > _WIDE_NUMBER * curve.value.min()
     figures = {}
-    for name, (values, title, says) in quantities.items():
-        hover = f"{says} at %{{x:.6g}} {curve.unit.replace('1', '')}<extra></extra>"
+    for name, (values, title, text) in quantities.items():
+        hover = f"{text} at %{{x:.6g}} {curve.unit.replace('1', '')}<extra></extra>"
         trace = _trace(curve.value, values, "peak", {"color": INK}, hovertemplate=hover) | {"mode": "lines+markers"}
         figures[name] = _figure([trace], axis, title)
         if is_wide:
@@ -248,9 +248,9 @@ def _name(level: LevelResult) -> str:
     return level_name(level, short=True)
 
 
-def _line(level: LevelResult, values, colour: str, says: str) -> Figure:
-    """Return a curve over the frequency, cut between its segments; ``says`` is shown for the point under the pointer."""
-    hover = f"{says}<extra>{_name(level)}</extra>"
+def _line(level: LevelResult, values, colour: str, text: str) -> Figure:
+    """Return a curve over the frequency, cut between its segments; ``text`` is shown for the point under the pointer."""
+    hover = f"{text}<extra>{_name(level)}</extra>"
     return {
         **_trace(
             _cut(level, level.frequency), _cut(level, values), _name(level), {"color": colour, "width": 2}, hovertemplate=hover

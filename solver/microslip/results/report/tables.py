@@ -318,8 +318,8 @@ def _balance(results: ResultFile, level: LevelResult) -> tuple[str, str]:
     gap = balance(results, level)
     worst = int(np.argmax(gap))
     where = f"at {level.frequency[worst]:.6g} Hz; bound {level.closes_to:.0e}"
-    says = f"{escape(level_name(level))}: the energy balance closes to {gap[worst]:.1e} of the input, {where}"
-    return (GOOD if gap[worst] <= level.closes_to else LOOK), says
+    text = f"{escape(level_name(level))}: the energy balance closes to {gap[worst]:.1e} of the input, {where}"
+    return (GOOD if gap[worst] <= level.closes_to else LOOK), text
 
 
 def _bar(results: ResultFile, level: LevelResult) -> tuple[str, str]:
@@ -330,10 +330,10 @@ def _bar(results: ResultFile, level: LevelResult) -> tuple[str, str]:
     largest = ", ".join(
         f"{name} {_percent(part / (size or 1.0))}" for part, name in sorted(zip(parts, PARTS), reverse=True)[:2] if part
     )
-    says = f"{escape(level_name(level))}: error bar ± {_percent(share)} at the peak" + (
+    text = f"{escape(level_name(level))}: error bar ± {_percent(share)} at the peak" + (
         f"; parts of a third of it: {largest}" if largest else ""
     )
-    return (GOOD if share <= _LARGE else LOOK), says
+    return (GOOD if share <= _LARGE else LOOK), text
 
 
 def checks_list(results: ResultFile) -> str:

@@ -65,8 +65,8 @@ def _of_level(results: ResultFile, fields: Fields, number: int, nodes: np.ndarra
     level, motion = results.levels[number], fields.peaks[number]
     size = np.linalg.norm(motion.u[nodes][:, :, 1] - 1j * motion.u[nodes][:, :, 2], axis=1)
     where = results.shown.where(level.frequency[motion.point], 6)
-    says = f"peak at {where}" if where else "static displacement"
-    return _motion(f"{level_name(level, short=True)}: {says}", "level", number, motion.u[nodes], size)
+    text = f"peak at {where}" if where else "static displacement"
+    return _motion(f"{level_name(level, short=True)}: {text}", "level", number, motion.u[nodes], size)
 
 
 def _of_mode(results: ResultFile, fields: Fields, k: int, nodes: np.ndarray) -> dict[str, Any]:

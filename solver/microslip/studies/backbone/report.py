@@ -163,8 +163,10 @@ def on_screen(result: Backbone) -> list[str]:
         )
         for row in rows
     ]
-    says = f"nonlinear mode {result.mode}: amplitude of {result.outputs[0]}; level of the loads with phase resonance at the point"
-    return [screen_table(says, head, table)]
+    heading = (
+        f"nonlinear mode {result.mode}: amplitude of {result.outputs[0]}; level of the loads with phase resonance at the point"
+    )
+    return [screen_table(heading, head, table)]
 
 
 def in_words(result: Backbone) -> list[str]:
@@ -291,8 +293,8 @@ def draw_backbone(result: Backbone, scene: Titled, path: str) -> None:
             else []
         ),
     ]
-    says = f"nonlinear mode {result.mode}: frequency and damping ratio over the amplitude of {plain(result.outputs[0], 24)}"
-    page = Page(scene, says, WIDTH, 2.9, handles)
+    heading = f"nonlinear mode {result.mode}: frequency and damping ratio over the amplitude of {plain(result.outputs[0], 24)}"
+    page = Page(scene, heading, WIDTH, 2.9, handles)
     left, right = page.grid(1, 2).subplots()
     for axes, values, of_stuck, label, of_quasi in (
         (left, result.frequency, result.linear_frequency, "frequency [Hz]", None if quasi is None else quasi.frequency),

@@ -11,7 +11,7 @@ from ...library.build import build
 from ...library.respond import Keys, respond
 from ...library.response import Response
 from ...messages.errors import ConvergenceError
-from ...observe.stops import Stops, goes_on
+from ...observe.stops import Stops, explaining_continuation
 from ...parallel.agree import on_root
 from ...restart.cache import cache_of
 from ...restart.folder import Restart
@@ -47,7 +47,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     """
     limit = on_root(comm, time_limit, request.walltime)
     restart = Restart.open(comm, folder, scene, options, request.fresh, cache_of(folder))
-    with goes_on(folder), log_of(comm, folder / "backbone.log", scene, options) as log:
+    with explaining_continuation(folder), log_of(comm, folder / "backbone.log", scene, options) as log:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))

@@ -65,12 +65,12 @@ def _page(mesh: Mesh, marks: Sequence[Mark], title: str) -> Page:
         2.0 * np.clip(each[1], 1.2, 4.5) + 0.5 if wide else np.clip(WIDTH / 2 * np.ptp(flat[:, 1]) / np.ptp(flat[:, 0]), 3.0, 7.0)
     )
     names = groups_of_bodies(mesh)
-    says = (
+    heading = (
         f"{len(mesh.points)} nodes, {sum(len(block.nodes) for block in mesh.elements)} elements in {len(names)} bodies; "
         "first the bodies, then what lies between and on them"
     )
     with matplotlib.rc_context(RC):
-        page = Page(_Title(title), says, WIDTH, float(height), _handles(names, marks))
+        page = Page(_Title(title), heading, WIDTH, float(height), _handles(names, marks))
         cells = page.grid(2, 1) if wide else page.grid(1, 2)
         whole, inside = (page.figure.add_subplot(cell) for cell in cells)
         _bodies(whole, skin, view)
@@ -158,8 +158,8 @@ def _sets(axes, skin: Skin, marks: Sequence[Mark], view: np.ndarray) -> None:
         if mark.direction is not None and len(flat):
             arrow = size * np.array(mark.direction) / np.linalg.norm(mark.direction) @ view[1:].T
             start = flat.mean(axis=0)
-            looks = {"arrowstyle": "-|>", "color": colour, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
-            axes.annotate("", start, start - arrow, arrowprops=looks, zorder=5)
+            style = {"arrowstyle": "-|>", "color": colour, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", start, start - arrow, arrowprops=style, zorder=5)
 
 
 def _edges(skin: Skin) -> np.ndarray:

@@ -152,8 +152,8 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
     handles += [Line2D([], [], color=colours[method], label=method) for method in others]
     levels = some(list(references), _MOST_LEVELS)
     shown = next(iter(references.values())).shown
-    says = f"methods at the same points: {shown} of the first output; difference from the reference"
-    page = Page(scene, says, WIDTH, 4.6, handles)
+    heading = f"methods at the same points: {shown} of the first output; difference from the reference"
+    page = Page(scene, heading, WIDTH, 4.6, handles)
     axes = page.grid(2, len(levels)).subplots(sharex=True, sharey="row", squeeze=False)
     factor, unit = with_prefix(np.concatenate([row.values for row in references.values()]), shown.unit)
     for level, (curve, error) in zip(levels, axes.T):

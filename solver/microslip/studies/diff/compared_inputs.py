@@ -80,7 +80,7 @@ def inputs_changed(a: ResultFile, b: ResultFile) -> list[Change] | None:
     """Return the input files with different contents; None if a result does not list its input files.  Local."""
     if a.origin is None or b.origin is None:
         return None
-    return _changed(*({name: said for name, said in _inputs(results)} for results in (a, b)))
+    return _changed(*(dict(_inputs(results)) for results in (a, b)))
 
 
 def _inputs(results: ResultFile) -> list[tuple[str, str]]:

@@ -33,10 +33,10 @@ def _page(comparison: Difference, levels: list[LevelDifference]) -> Page:
     """Return a page with one column per level, and per output one row of both curves and one of their difference."""
     outputs = levels[0].outputs[:_MOST_OUTPUTS]
     names = [plain(results.path, 50) for results in (comparison.a, comparison.b)]
-    handles = [Line2D([], [], label=f"{side}: {name}", **looks) for side, name, looks in zip("AB", names, (LINEAR, _B))]
+    handles = [Line2D([], [], label=f"{side}: {name}", **style) for side, name, style in zip("AB", names, (LINEAR, _B))]
     handles.append(Line2D([], [], color=INK, lw=0.8, marker=".", ms=2.0, label="difference"))
-    says = f"two results: {comparison.shown}; and the difference of mean and all harmonics, over the peak of A"
-    page = Page(comparison.a, says, WIDTH, 0.4 + 3.6 * len(outputs), handles)
+    heading = f"two results: {comparison.shown}; and the difference of mean and all harmonics, over the peak of A"
+    page = Page(comparison.a, heading, WIDTH, 0.4 + 3.6 * len(outputs), handles)
     axes = page.grid(2 * len(outputs), len(levels)).subplots(sharex="col", sharey="row", squeeze=False)
     for k, results in enumerate(outputs):
         factor, unit = with_prefix([size for level in levels for size in level.outputs[k].peak], results.unit)
@@ -54,10 +54,10 @@ def _draw_output(comparison: Difference, level: LevelDifference, k: int, factor:
     """Draw an output of a level into two axes."""
     a, b = comparison.of_level(level)
     i, j = (results.outputs.index(level.outputs[k].name) for results in (comparison.a, comparison.b))
-    for of_side, number, looks in ((a, i, LINEAR), (b, j, _B)):
+    for of_side, number, style in ((a, i, LINEAR), (b, j, _B)):
         values = factor * comparison.shown.size(of_side.response[:, number])
         for part in segments(of_side.segment):
-            curve.plot(of_side.frequency[part], values[part], **looks)
+            curve.plot(of_side.frequency[part], values[part], **style)
     for side in difference_of(a, b, i, j, comparison.shown):
         for part in segments(side.segment):
             error.plot(side.frequency[part], np.maximum(side.difference[part], _FLOOR), color=INK, lw=0.8, marker=".", ms=2.0)

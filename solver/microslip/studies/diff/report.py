@@ -56,29 +56,29 @@ def text_of(comparison: Difference) -> str:
 def verdict(comparison: Difference) -> str:
     """Return one line on whether two results are the same, and within which tolerance."""
     largest = max((level.difference for level in comparison.levels), default=0.0)
-    says = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
+    text = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
     if not comparison.levels:
         return "different: no common level"
     if comparison.is_same:
-        return f"the same: {says}{_by(comparison)}"
+        return f"the same: {text}{_by(comparison)}"
     why = [
         *(f"{', '.join(names)} in {side} only" for side, names in zip("AB", comparison.only) if names),
         *(f"{side} is not complete" for side in comparison.incomplete),
     ]
     if all(map(comparison.is_level_same, comparison.levels)):
         ranges = [] if why else ["the frequency ranges differ"]
-        return f"different: {'; '.join([*why, *ranges])}; in the common range {says}{_by(comparison)}"
+        return f"different: {'; '.join([*why, *ranges])}; in the common range {text}{_by(comparison)}"
     worst = max(comparison.levels, key=lambda level: level.difference)
-    return f"different: {'; '.join([*why, f'{says}, at {worst.level:g} {worst.unit}'.removesuffix(' 1')])}{_by(comparison)}"
+    return f"different: {'; '.join([*why, f'{text}, at {worst.level:g} {worst.unit}'.removesuffix(' 1')])}{_by(comparison)}"
 
 
 def _by(comparison: Difference) -> str:
     """Return the applied tolerance as text."""
     tolerance = max(map(comparison.bound, comparison.levels))
-    says = f" (tolerance {100.0 * tolerance:.2g} %"
+    text = f" (tolerance {100.0 * tolerance:.2g} %"
     if comparison.tolerance is None and not all(level.same_points for level in comparison.levels):
-        says += " beyond the resolution of the points"
-    return says + (", or the error bars)" if comparison.bars else ")")
+        text += " beyond the resolution of the points"
+    return text + (", or the error bars)" if comparison.bars else ")")
 
 
 def _heads(comparison: Difference) -> str:

@@ -135,8 +135,8 @@ def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, fol
 
 def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequence[Crossing], scene: Titled, path: str) -> None:
     """Draw frequencies against speed, the lines of the engine orders, and their crossings.  Local."""
-    says = "natural frequencies with all pairs stuck against speed; engine orders (E) and their resonances (circles)"
-    page = Page(scene, says, WIDTH, 4.4)
+    heading = "natural frequencies with all pairs stuck against speed; engine orders (E) and their resonances (circles)"
+    page = Page(scene, heading, WIDTH, 4.4)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     rpm, highest = campbell.speed * 30.0 / np.pi, 1.08 * float(campbell.frequency.max())
     for i, (speeds, frequency) in enumerate(smooth(campbell)):

@@ -47,8 +47,8 @@ def waves_of(linearised: Linearised, computed: Modes, matrix: Coriolis, count: i
     both = waves(linearised, computed, G, count)
     matrix.free_of(G)
     residual = max(wave.residual for wave in both)
-    says = f"Coriolis forces: largest residual {residual:.1e} of the inertia forces"
-    log.note(says if residual <= _LARGE else f"WARNING: {says}: frequencies may be wrong; ask for more modes")
+    text = f"Coriolis forces: largest residual {residual:.1e} of the inertia forces"
+    log.note(text if residual <= _LARGE else f"WARNING: {text}: frequencies may be wrong; ask for more modes")
     return both
 
 

@@ -196,7 +196,7 @@ def modes_by_diameter(
     sectors = system.sectors
     assert isinstance(sectors, Sectors), "a disc"
     n, verify = basis_size(scene, count), scene.solver.verify_modes
-    fewer_will_do = scene.solver.modes is None or matrix is not None
+    allows_fewer = scene.solver.modes is None or matrix is not None
     log.note(f"{system.n_dof} DOF, {parts.rest.pairs.n_pairs} contact pairs")
     refuse_too_many(scene.solver.modes, system.n_dof, scene.path)
     together = _together(memory_of_one(sectors, n, system.n_dof), log)
@@ -207,7 +207,7 @@ def modes_by_diameter(
         with log.stage(f"nodal diameter{'s' * (len(some) > 1)} {', '.join(map(str, some))}"):
             structures = _structures(parts, some, log)
             modes = in_lockstep(
-                [partial(lowest_modes, each, min(n, each.maps.n_dof), verify, fewer_will_do) for each in structures.values()]
+                [partial(lowest_modes, each, min(n, each.maps.n_dof), verify, allows_fewer) for each in structures.values()]
             )
         for (d, linearised), computed in zip(structures.items(), modes):
             both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
@@ -302,10 +302,10 @@ def write_disc(by_diameter: Sequence[DiameterModes], scene: Titled, excited: Exc
         for each in by_diameter
         for name, frequency in zip(DIRECTIONS if each.waves else ("",), each.by_direction)
     ]
-    says = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {excited.n_sectors} sectors"
+    heading = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {excited.n_sectors} sectors"
     if by_diameter[0].waves:
-        says += "; with Coriolis forces, waves that turn backward and forward"
-    table = screen_table(says, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)
+        heading += "; with Coriolis forces, waves that turn backward and forward"
+    table = screen_table(heading, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)
     return f"{table}\n{write_resonances(excited.crossings(by_diameter), excited, folder)}" if excited.speeds else table
 
 
@@ -324,10 +324,10 @@ def write_resonances(resonances: Sequence[tuple[int, Crossing]], excited: Excite
 
 def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:
     """Draw frequency against nodal diameter, with engine orders: f = E Omega / 2 pi at the alias of E.  Local."""
-    says = f"natural frequencies {excited.frequencies} by nodal diameter, all pairs stuck; modes are numbered at the right"
+    heading = f"natural frequencies {excited.frequencies} by nodal diameter, all pairs stuck; modes are numbered at the right"
     handles = []
     if by_diameter[0].waves:
-        says += "; with Coriolis forces"
+        heading += "; with Coriolis forces"
         handles = [Line2D([], [], color=INK, ls=ls, lw=1.0, label=f"{name} waves") for name, ls in zip(DIRECTIONS, ("-", ":"))]
     speeds = sorted({min(excited.speeds), max(excited.speeds)}) if excited.speeds else []
     lines: list[dict[str, Any]] = [
@@ -335,7 +335,7 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
     ]
     for speed, line in zip(speeds, lines):
         handles.append(Line2D([], [], label=f"engine orders E at {speed * 30.0 / np.pi:.5g} rpm", **line))
-    page = Page(scene, says, WIDTH, 4.4, handles)
+    page = Page(scene, heading, WIDTH, 4.4, handles)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     n, diameters = min(len(each.frequency) for each in by_diameter), [each.diameter for each in by_diameter]
     for i, colour in enumerate(level_colours(n)):

@@ -137,7 +137,7 @@ def draw_at_speeds(
     by_wave: Mapping[Wave, Campbell], met: Sequence[tuple[int, Crossing]], excited: Excited, scene: Titled, path: str
 ) -> None:
     """Draw the families of all nodal diameters against speed, lines of engine orders, and where these excite them.  Local."""
-    says = "frequencies by nodal diameter against speed (dots: computed), without slip; engine orders E meet them at circles"
+    heading = "frequencies by nodal diameter against speed (dots: computed), without slip; engine orders E meet them at circles"
     diameters = list(dict.fromkeys(wave.diameter for wave in by_wave))
     colours = dict(zip(diameters, level_colours(len(diameters))))
     lines = {
@@ -147,7 +147,7 @@ def draw_at_speeds(
     named = [Line2D([], [], color=colours[d], lw=0.9, label=f"diameter {d}") for d in some(diameters, MOST_NAMED)]
     directions = dict.fromkeys(wave.direction for wave in by_wave if wave.direction)
     named += [Line2D([], [], color=INK, lw=0.9, ls=ls, label=f"{name} waves") for name, ls in zip(directions, ("-", ":"))]
-    page = Page(scene, says, WIDTH, 4.8, named)
+    page = Page(scene, heading, WIDTH, 4.8, named)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     top = 1.05 * max(float(campbell.frequency.max()) for campbell in by_wave.values())
     end = max(excited.speeds)

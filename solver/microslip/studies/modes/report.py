@@ -107,12 +107,12 @@ def on_screen(table: ModeTable) -> str:
     if table.mass is not None:
         sums = [cell(float(100.0 * share), 3) for share in table.shares.sum(axis=0)]
         rows.append((1, ["sum", *[""] * (2 + (table.coriolis is not None)), *sums, *("" for _ in joints)]))
-    says = "all pairs stuck"
+    heading = "all pairs stuck"
     if table.mass is not None:
-        says += "; effective mass along x, y, z in % of the mass that moves"
+        heading += "; effective mass along x, y, z in % of the mass that moves"
     if joints:
-        says += "; share of the joints' springs in the strain energy"
-    return screen_table(says, head, rows)
+        heading += "; share of the joints' springs in the strain energy"
+    return screen_table(heading, head, rows)
 
 
 def draw_shapes(table: ModeTable, mesh: Mesh, shapes: np.ndarray, scene: Titled, path: str) -> None:

@@ -120,9 +120,7 @@ def stuck_modes(scene: Scene, comm: MPI.Comm, log: RunLog) -> Iterator[tuple[Ass
     n_modes = count if matrix is None else min(basis_size(scene, count), linearised.system.n_dof)
     turning = None
     with log.stage("modes"):
-        computed = lowest_modes(
-            linearised, n_modes, solver.verify_modes, fewer_will_do=solver.modes is None or matrix is not None
-        )
+        computed = lowest_modes(linearised, n_modes, solver.verify_modes, allows_fewer=solver.modes is None or matrix is not None)
         if matrix is not None:
             turning = waves_of(linearised, computed, matrix, count, log)[0]
             matrix.destroy()

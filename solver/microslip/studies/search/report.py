@@ -175,8 +175,8 @@ def draw(result: Search, scene: Titled, path: str) -> None:
     if any(curve.multipliers is not None and not all(map(is_stable, curve.multipliers)) for curve in drawn):
         handles.append(Line2D([], [], color=INK, ls=DASHES, label="unstable part"))
     name = plain(result.outputs[0], 24)
-    says = f"solutions found at {result.frequency:g} Hz and {result.level:g} {result.level_unit}, amplitude of {name}"
-    page = Page(scene, says, WIDTH, 3.2, handles)
+    heading = f"solutions found at {result.frequency:g} Hz and {result.level:g} {result.level_unit}, amplitude of {name}"
+    page = Page(scene, heading, WIDTH, 3.2, handles)
     axes = page.grid(1, 1).subplots()
     axes.axvline(result.frequency, color=FAINT, lw=0.8)
     for curve, colour in ((result.curve, _ACCENT), *((curve, _SECOND) for curve in followed)):

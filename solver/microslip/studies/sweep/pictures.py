@@ -108,8 +108,8 @@ def draw_grid(table: SweepTable, scene: Titled, path: str) -> None:
 
 def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
     """Draw amplitude, frequency and damping of the peak over a grid of two keys.  Local."""
-    says = f"peaks of {plain(table.output, 24)} over two numbers; each cell is a sample"
-    page, of_keys = Page(scene, says, WIDTH, 3.2), [_of_key(table, key) for key in table.design.keys]
+    heading = f"peaks of {plain(table.output, 24)} over two numbers; each cell is a sample"
+    page, of_keys = Page(scene, heading, WIDTH, 3.2), [_of_key(table, key) for key in table.design.keys]
     x, y = (factor * values for (factor, _), values in zip(of_keys, table.design.coordinates))
     bars, cells = page.grid(2, 3, height_ratios=(1, 16)).subplots()
     for bar, axes, name in zip(bars, cells, ("amplitude", "frequency", "damping")):
@@ -232,8 +232,8 @@ def draw_bands(table: SweepTable, scene: Titled, path: str) -> None:
     factor, unit = with_prefix(curves, table.unit)
     handles = [Patch(color=_ACCENT, alpha=dark, lw=0, label=f"percentiles {low} to {high}") for low, high, dark in _BANDS]
     handles += [Line2D([], [], color=_ACCENT, label="median"), Line2D([], [], color=FAINT, lw=0, marker=".", label="peaks")]
-    says = f"curves of {plain(table.output, 24)} of {int(np.isfinite(curves).any(axis=1).sum())} samples"
-    page = Page(scene, says, WIDTH, 3.4, handles)
+    heading = f"curves of {plain(table.output, 24)} of {int(np.isfinite(curves).any(axis=1).sum())} samples"
+    page = Page(scene, heading, WIDTH, 3.4, handles)
     axes = page.grid(1, 1).subplots()
     for low, high, dark in _BANDS:
         axes.fill_between(frequency, *(factor * np.nanpercentile(curves, [low, high], axis=0)), color=_ACCENT, alpha=dark, lw=0)

@@ -133,8 +133,8 @@ def _percentiles_in_words(table: SweepTable) -> list[str]:
     lines = []
     for name in SMOOTH:
         rows = percentiles(table[name])
-        said = ", ".join(f"P{p} {value:.5g} ({low:.5g} to {high:.5g})" for p, value, low, high in rows)
-        lines.append(f"{name} [{table.unit_of(name)}]: {said}")
+        text = ", ".join(f"P{p} {value:.5g} ({low:.5g} to {high:.5g})" for p, value, low, high in rows)
+        lines.append(f"{name} [{table.unit_of(name)}]: {text}")
     return ["percentiles of the samples, and the ranges of 95 % of them by resampling:", *lines]
 
 

@@ -14,7 +14,7 @@ from ...library.sweep import SweepTable, outside, table_of
 from ...library.varied import Varied
 from ...messages.errors import CaseError, ConvergenceError, Interrupted
 from ...observe.log import RunLog
-from ...observe.stops import goes_on
+from ...observe.stops import explaining_continuation
 from ...parallel.agree import on_root
 from ...parallel.rank_groups import Counter, Groups, Reports, dealt, split
 from ...restart.identity import identity_of
@@ -28,7 +28,7 @@ from .request import Request, design_of, refusal
 from .stored import keys_of, read_samples, remove_samples, store
 
 MARGIN, SLOWEST = 5.0, 2.0  # s before the end of the time, and times the slowest sample, at which no further one begins
-MOST_SAID = 10  # samples that failed
+MOST_LISTED = 10  # samples that failed
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,19 +53,19 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     """
     limit = on_root(comm, time_limit, request.walltime)
     name = "sweep.log" if request.part[1] == 1 else f"sweep-{request.part[0]}.log"
-    with goes_on(folder), log_of(comm, folder / name, scene, options) as log:
+    with explaining_continuation(folder), log_of(comm, folder / name, scene, options) as log:
         planned = on_root(comm, planned_of, scene, folder, request, options)
         log.note(in_words(planned, request))
         table = solved(scene, comm, folder, request, planned, log, limit)
         with log.stage("table and pictures"):
-            says = on_root(comm, partial(write_sweep, table, scene, folder, request.design == "indices"))
-        log.note(says)
+            text = on_root(comm, partial(write_sweep, table, scene, folder, request.design == "indices"))
+        log.note(text)
         log.note(f"results in {folder}")
     failed = table.failures
     if failed:
-        more = [f"and {len(failed) - MOST_SAID} more"] * (len(failed) > MOST_SAID)
-        said = "\n".join([f"sweep: {len(failed)} of {len(table)} samples have no peak", *failed[:MOST_SAID], *more])
-        raise ConvergenceError(f"{said}\nthe others are in {folder}")
+        more = [f"and {len(failed) - MOST_LISTED} more"] * (len(failed) > MOST_LISTED)
+        message = "\n".join([f"sweep: {len(failed)} of {len(table)} samples have no peak", *failed[:MOST_LISTED], *more])
+        raise ConvergenceError(f"{message}\nthe others are in {folder}")
 
 
 def planned_of(scene: Scene, folder: Path, request: Request, options: tuple[str, ...]) -> Planned:
@@ -194,11 +194,11 @@ def follow(
     """
     samples: dict[int, Sample] = {}
 
-    def hear(i: int, sample: Sample) -> None:
+    def receive(i: int, sample: Sample) -> None:
         samples[i] = sample
         log.note(_line(i, sample, len(samples), len(planned.left)), keep=False)
 
-    counter, reports, slowest = Counter(groups.world), Reports(groups, hear), 0.0
+    counter, reports, slowest = Counter(groups.world), Reports(groups, receive), 0.0
 
     def finished(i: int, sample: Sample) -> None:
         store(folder, _part_name(request), groups.number, planned.keys[i], sample)

@@ -81,7 +81,7 @@ class Bench:
     def _timed_modes(self, n_modes: int) -> tuple[Modes, float]:
         start = time.perf_counter()
         proves = reduction_settings(self.scene).verify_modes
-        modes = self.structure.lowest_modes(n_modes, proves, fewer_will_do=True)
+        modes = self.structure.lowest_modes(n_modes, proves, allows_fewer=True)
         return modes, self.comm.bcast(time.perf_counter() - start)
 
     def setup_of_modes(self, n_modes: int) -> float:
@@ -156,14 +156,14 @@ class Bench:
             return not_run(parameter, value, setting, str(problem))
         timed = self._timed_branches(prepared, setting, omegas, bars)
         if timed.wall < SHORT and not any(branch.failure for branch in timed.branches):
-            again = self._timed_branches(prepared, setting, omegas, bars=False)
-            if again.wall < timed.wall:
+            second = self._timed_branches(prepared, setting, omegas, bars=False)
+            if second.wall < timed.wall:
                 timed = replace(
                     timed,
-                    wall=again.wall,
-                    cpu=again.cpu,
-                    wall_with_bars=timed.wall_with_bars + again.wall - timed.wall,
-                    cpu_with_bars=timed.cpu_with_bars + again.cpu - timed.cpu,
+                    wall=second.wall,
+                    cpu=second.cpu,
+                    wall_with_bars=timed.wall_with_bars + second.wall - timed.wall,
+                    cpu_with_bars=timed.cpu_with_bars + second.cpu - timed.cpu,
                 )
         failure = "; ".join(branch.why_ended for branch in timed.branches if branch.failure)
         unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)

@@ -117,7 +117,7 @@ class Ladder:
             if below is not None:
                 branch, motions[level] = self._from(below.motions[level], prepared, setting, level, omegas)
             if branch is None:
-                branch, motions[level] = self._anew(prepared, setting, level, omegas)
+                branch, motions[level] = self._computed(prepared, setting, level, omegas)
             curves.append(curve_of(branch))
         return Rung(setting, self.bench.comm.bcast(tuple(curves)), motions, self.clock.spent - start)
 
@@ -138,7 +138,7 @@ class Ladder:
             workspace.destroy()
         return branch, iterates
 
-    def _anew(self, prepared, setting: Setting, level: float, omegas) -> tuple[Branch, list[Iterate]]:
+    def _computed(self, prepared, setting: Setting, level: float, omegas) -> tuple[Branch, list[Iterate]]:
         """Return the points, each solved from the preceding ones."""
         problem = self.bench.response(prepared, setting).at_level(level)
         branch = at_frequencies(problem, prepared.reduction.selection, list(omegas), tolerance=setting.tolerance)

@@ -162,8 +162,8 @@ def _cell(name: str, record: dict, floor: float) -> str:
 def table(study: Study) -> str:
     """Return the runs as a table for the screen."""
     names, lines = [COLUMNS[name][0] for name in SHOWN], rows(study)
-    says = "errors in % of the reference's peak; set-up: modes and reduction, without what all runs share"
-    return screen_table(says, names, [(line[0], line) for line in lines], left=("parameter", "value"), close=True)
+    heading = "errors in % of the reference's peak; set-up: modes and reduction, without what all runs share"
+    return screen_table(heading, names, [(line[0], line) for line in lines], left=("parameter", "value"), close=True)
 
 
 # -- sentences -----------------------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ def accuracy_sentences(study: Study) -> list[str]:
     for run in study.complete:
         if run.setting.accuracy is not None:
             error = study.score(run).error
-            said = (
+            text = (
                 "met"
                 if error + study.reference.floor <= run.setting.accuracy
                 else "met as far as the reference tells"
@@ -243,7 +243,7 @@ def accuracy_sentences(study: Study) -> list[str]:
                 else "missed"
             )
             cost = f"{run.cost:.2g} s{_beside_fixed(study, run)}"
-            lines.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {cost}")
+            lines.append(f"accuracy = {run.value}: {text}, error {percent(error)}, in {cost}")
     return lines
 
 
@@ -269,8 +269,8 @@ def corrected_sentences(study: Study) -> list[str]:
         errors = " -> ".join(_known(value, study) for value in (study.score(run).error, error))
         as_good = next((value for value in sweep if study.score(value).error <= max(error, study.reference.floor)), None)
         beside = "" if as_good is None else f"; without it takes {as_good.setting.harmonics}, {as_good.cost / run.cost:.2g}x"
-        said = f"harmonics {run.setting.harmonics}, corrected: error {errors}"
-        lines.append(f"{said} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
+        text = f"harmonics {run.setting.harmonics}, corrected: error {errors}"
+        lines.append(f"{text} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
     return lines
 
 
@@ -330,10 +330,10 @@ def choice_lines(study: Study, target: float) -> list[str]:
     run, request = study.choice(target), percent(target)
     if run is not None:
         error = _known(study.score(run).error, study)
-        said = f"for {request}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
+        text = f"for {request}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
         table = run.setting.table().splitlines()
         lines = [line for line in table if not (study.is_linear and line.startswith(("harmonics", "samples", "tolerance")))]
-        return [said, *(f"    {line}" for line in lines), ""]
+        return [text, *(f"    {line}" for line in lines), ""]
     if study.reference.floor > target:
         known = percent(study.reference.floor)
         return [f"for {request}: not decided, the reference itself is known to {known} only; raise --seconds", ""]

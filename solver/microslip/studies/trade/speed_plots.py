@@ -10,7 +10,7 @@ from ...results.style import FAINT, INK, WIDTH, Page, Titled
 from .study import ACCURACY, BASE, COMBINED, Study
 
 # colours of Okabe and Ito, and markers that distinguish them without colour
-LOOKS = {
+STYLES = {
     "harmonics": ("#0072b2", "o"),
     "samples": ("#d55e00", "s"),
     "modes": ("#009e73", "^"),
@@ -30,13 +30,13 @@ TENFOLD = "#eeeeee"
 
 def draw_trade(study: Study, scene: Titled, path: str) -> None:
     """Draw the runs of a study."""
-    kinds = [kind for kind in LOOKS if any(run.parameter == kind for run in study.complete)]
+    kinds = [kind for kind in STYLES if any(run.parameter == kind for run in study.complete)]
     handles = [
         Line2D(
             [],
             [],
-            color=LOOKS[kind][0],
-            marker=LOOKS[kind][1],
+            color=STYLES[kind][0],
+            marker=STYLES[kind][1],
             ms=4,
             lw=0.6 if kind in JOINED else 0.0,
             label=NAMES.get(kind, kind),
@@ -48,8 +48,8 @@ def draw_trade(study: Study, scene: Titled, path: str) -> None:
         Patch(color="#d9d9d9", label="below what the reference is known to"),
     ]
     levels = ", ".join(f"{level:g} N" for level in study.reference.curves)
-    says = f"speed against accuracy at {levels}: largest error of the first output's harmonic 1 over its peak"
-    page = Page(scene, says, WIDTH, 3.8, handles)
+    heading = f"speed against accuracy at {levels}: largest error of the first output's harmonic 1 over its peak"
+    page = Page(scene, heading, WIDTH, 3.8, handles)
     left, right = page.grid(1, 2, width_ratios=(1.5, 1.0)).subplots()
     _draw_errors(left, study)
     _draw_bars(right, study)
@@ -70,7 +70,7 @@ def _draw_errors(axes, study: Study) -> None:
         x, y = np.array(front).T
         last = max(seconds for seconds, _ in shown.values())
         axes.plot([*x, max(1.3 * last, x[-1])], [*y, y[-1]], drawstyle="steps-post", color=INK, lw=1.6, zorder=2)
-    for kind, (colour, marker) in LOOKS.items():
+    for kind, (colour, marker) in STYLES.items():
         runs = study.sweep(kind) if kind in JOINED else [run for run in study.complete if run.parameter == kind]
         if not runs or not any(run.parameter == kind for run in runs):
             continue
@@ -106,7 +106,7 @@ def _name(axes, study: Study, shown: dict) -> None:
             if all(np.any(np.abs(here - other) > space) for other in taken):
                 text = run.value if kind == ACCURACY else f"H={run.value}"
                 place, side = ((-4, -9), "right") if run.setting.is_corrected else (offset, "left")  # corrected: left
-                look = {"textcoords": "offset points", "fontsize": 6, "color": LOOKS[kind][0], "zorder": 5}
+                look = {"textcoords": "offset points", "fontsize": 6, "color": STYLES[kind][0], "zorder": 5}
                 axes.annotate(text, shown[id(run)], xytext=place, horizontalalignment=side, **look)
                 taken.append(here)
 
@@ -131,7 +131,7 @@ def _draw_bars(axes, study: Study) -> None:
     axes.fill_between(ends, ends, 10.0 * ends, color=TENFOLD, lw=0, zorder=0)
     axes.plot(ends, ends, color=INK, lw=0.8, zorder=2)
     for parameter, error, bar in pairs:
-        axes.plot(error, bar, ".", ms=1.8, mew=0, color=LOOKS.get(parameter, (FAINT, ""))[0], zorder=3, rasterized=True)
+        axes.plot(error, bar, ".", ms=1.8, mew=0, color=STYLES.get(parameter, (FAINT, ""))[0], zorder=3, rasterized=True)
     log_scale(axes, "x", "y")
     axes.set(xlim=ends, ylim=ends, xlabel="error of a point / peak [-]", ylabel="its bar / peak [-]")
     axes.set_title(

@@ -311,15 +311,15 @@ def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
             frequencies.append(abs(omega / omega_exact - 1.0))
     error, bar = np.concatenate(errors), np.concatenate(bars)
     above = np.isfinite(bar) & (error > np.concatenate(floors))
-    is_found = above.any()
+    has_any = above.any()
     return Score(
         error=float(error.max()),
         rms=float(np.sqrt(np.mean(error**2))),
         peak=max(peaks, default=np.nan),
         frequency=max(frequencies, default=np.nan),
         bar=float(bar.max()),
-        coverage=float(np.mean(error[above] <= bar[above])) if is_found else np.nan,
-        ratio=float(np.median(bar[above] / error[above])) if is_found else np.nan,
+        coverage=float(np.mean(error[above] <= bar[above])) if has_any else np.nan,
+        ratio=float(np.median(bar[above] / error[above])) if has_any else np.nan,
         n_above=int(above.sum()),
     )
 

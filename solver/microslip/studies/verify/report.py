@@ -119,15 +119,15 @@ def verdict(checks: Sequence[Check]) -> str:
         return "no point could be compared"
     worst = max(good, key=lambda check: check.with_phase)
     integration_error = max(check.integration_error for check in good)
-    said = (
+    text = (
         f"largest difference {worst.with_phase:.1e} of the peak ({worst.where}; amplitude and phase); "
         f"time integration's own error is about {integration_error:.1e}"
     )
     if worst.with_phase <= EXPECTED:
-        return said + of_disturbances(good)
+        return text + of_disturbances(good)
     if worst.integration_error > 0.5 * worst.with_phase:
-        return said + ": too few steps per period for a comparison; raise --steps" + of_disturbances(good)
-    return said + ": harmonics or samples of harmonic balance are too few; try --harmonics and --samples" + of_disturbances(good)
+        return text + ": too few steps per period for a comparison; raise --steps" + of_disturbances(good)
+    return text + ": harmonics or samples of harmonic balance are too few; try --harmonics and --samples" + of_disturbances(good)
 
 
 def of_disturbances(checks: Sequence[Check]) -> str:
@@ -137,8 +137,8 @@ def of_disturbances(checks: Sequence[Check]) -> str:
         return ""
     others = [check for check in watched if (check.growth > 1.0 + BEYOND) != (check.multiplier > 1.0 + BEYOND)]
     n_alike = len(watched) - len(others)
-    said = f"\nsmall disturbances grow or die out as the Floquet multipliers say at {n_alike} of {len(watched)} points"
-    return said + "".join(f"\n  not at {check.where}: {check.multiplier:.5f}, and {check.growth:.5f} in time" for check in others)
+    text = f"\nsmall disturbances grow or die out as the Floquet multipliers say at {n_alike} of {len(watched)} points"
+    return text + "".join(f"\n  not at {check.where}: {check.multiplier:.5f}, and {check.growth:.5f} in time" for check in others)
 
 
 def _cell(name: str, value) -> str:
@@ -167,9 +167,9 @@ def draw_verification(
         Line2D([], [], color=INK, ls="", marker="o", ms=4.5, mfc="none", label="time integration, harmonic 1"),
         Line2D([], [], label="time integration, loop", **MARCHED),
     ]
-    says = f"harmonic balance ({settings}) and time integration of the same model: first output; friction loops at the peaks"
+    heading = f"harmonic balance ({settings}) and time integration of the same model: first output; friction loops at the peaks"
     rows, columns = panels(len(loops)) if loops else (0, 1)
-    page = Page(scene, says, WIDTH, 2.9 + 2.1 * rows, handles)
+    page = Page(scene, heading, WIDTH, 2.9 + 2.1 * rows, handles)
     grid = page.grid(1 + rows, columns, height_ratios=[2.7] + [2.0] * rows)
     curve = page.figure.add_subplot(grid[0, :])
     factor, unit = with_prefix([amplitude(point.response[0]) for branch in branches for point in branch.points], of_output)
@@ -196,8 +196,8 @@ def _draw_loop(ax, check: Check, colour) -> None:
     assert loop is not None
     sizes = np.concatenate([loop.balanced, loop.marched], axis=1)
     (across, unit), (up, force) = with_prefix(sizes[0], "m"), with_prefix(sizes[1], "N")
-    for (du, T), looks in ((loop.balanced, {"color": colour, "lw": 1.6}), (loop.marched, MARCHED)):
-        ax.plot(across * np.append(du, du[0]), up * np.append(T, T[0]), **looks)
+    for (du, T), style in ((loop.balanced, {"color": colour, "lw": 1.6}), (loop.marched, MARCHED)):
+        ax.plot(across * np.append(du, du[0]), up * np.append(T, T[0]), **style)
     ax.axhline(0.0, color=FAINT, lw=0.5, zorder=0.5)
     ax.set_title(f"{check.level:g} N, {check.frequency:.5g} Hz, pair {loop.pair + 1}")
     ax.set(xlabel=f"$\\Delta u_{loop.direction}$ [{unit}]", ylabel=f"$T_{loop.direction}$ [{force}]")

@@ -23,7 +23,7 @@ from ...scene.read import changed
 from ...scene.schema import Scene
 from ...transient.growth import growth
 from ...transient.march import Cycle, March
-from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
+from ...transient.steady import Start, SteadyState, coefficients, energies, from_harmonics, from_rest, samples, steady_state
 from ...transient.transient_model import TransientModel, transient_model
 from ..check.report import resolution
 from ..log import log_of
@@ -212,36 +212,36 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
     if not request.from_rest:
         start, most = start_of(transient, model, chosen, request.steps), MOST_PERIODS
     tolerance = TOLERANCE * (CLOSER if request.disturbed else 1.0)
-    founds: list[Found] = []
+    steady: list[SteadyState] = []
     responses: list[np.ndarray] = []
     try:
         for n_steps in (request.steps // 2, request.steps):
-            founds.append(steady_state(March(transient, omega, level, n_steps), start, tolerance, most, not request.from_rest))
-            start = founds[-1].start
-            responses.append(responses_of(transient, model, omega, level, founds[-1].cycle)[:, 0])
+            steady.append(steady_state(March(transient, omega, level, n_steps), start, tolerance, most, not request.from_rest))
+            start = steady[-1].start
+            responses.append(responses_of(transient, model, omega, level, steady[-1].cycle)[:, 0])
         factors = np.full(len(chosen), np.nan)
         if request.disturbed:
-            factors = growth(March(transient, omega, level, request.steps // 2), founds[0].start)
+            factors = growth(March(transient, omega, level, request.steps // 2), steady[0].start)
     except ConvergenceError as problem:
         if len(chosen) == 1:
             return [failed_check(chosen[0], str(problem))]
         return [check for point in chosen for check in checks_of(transient, model, [point], request)]  # the other points succeed
     seconds = (time.perf_counter() - clock) / len(chosen)
-    work, damping, friction = energies(transient, omega, level, founds[-1].cycle)
+    work, damping, friction = energies(transient, omega, level, steady[-1].cycle)
     closure = (work - damping - friction) / np.where(work != 0.0, work, 1.0)
-    du = samples(transient, omega, level, founds[-1].cycle)[0]
-    periods = founds[0].periods + founds[1].periods
+    du = samples(transient, omega, level, steady[-1].cycle)[0]
+    periods = steady[0].periods + steady[1].periods
     return [
         replace(
             compared(point, responses[1][i], responses[0][i]),
             closure=float(closure[i]),
             periods=int(periods[i]),
-            change=float(founds[-1].change[i]),
-            distance=float(founds[-1].distance[i]),
+            change=float(steady[-1].change[i]),
+            distance=float(steady[-1].distance[i]),
             seconds=seconds,
             growth=float(factors[i]),
-            failure=unsteady(founds[-1].distance[i], int(periods[i])),
-            loop=loop_of(transient, point, du[:, i], founds[-1].cycle.p[:, i]) if point.is_peak else None,
+            failure=unsteady(steady[-1].distance[i], int(periods[i])),
+            loop=loop_of(transient, point, du[:, i], steady[-1].cycle.p[:, i]) if point.is_peak else None,
         )
         for i, point in enumerate(chosen)
     ]

@@ -10,7 +10,7 @@ from ...observe.screen_table import screen_table
 from ...results.read import read_results
 from ...results.record import LevelResult, ResultFile
 from ...results.style import RC, some
-from ...results.wear import WearHistory, keep_wear, write_wear_series
+from ...results.wear import WearHistory, store_wear, write_wear_series
 from ...results.wear_plots import draw_wear, draw_wear_map
 from ..records import cell, write_csv
 
@@ -26,7 +26,7 @@ def write_wear(history: WearHistory, folder: Path, worn: Path | None) -> str:
     """
     rows = history.records()
     write_csv(str(folder / "wear.csv"), rows[0], rows, unknown="")
-    keep_wear(str(folder / "results.h5"), history)
+    store_wear(str(folder / "results.h5"), history)
     write_wear_series(str(folder), history)
     results = read_results(str(folder / "results.h5"), motion=False)
     curves = [*results.solved, *(read_results(str(worn / "results.h5"), motion=False).solved if worn is not None else ())]

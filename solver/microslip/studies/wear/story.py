@@ -13,7 +13,7 @@ from ...library.wear import WearingJoint, wear_of
 from ...library.worn_joints import history_of
 from ...messages.errors import ConvergenceError
 from ...observe.log import RunLog
-from ...observe.stops import goes_on
+from ...observe.stops import explaining_continuation
 from ...parallel.agree import on_root
 from ...scene.schema import Scene
 from ..log import log_of
@@ -39,7 +39,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     ConvergenceError : wear or a curve ended early, after everything was written; on every rank
     """
     wear_of(scene)
-    with goes_on(folder), log_of(comm, folder / "wear.log", scene, options) as log:
+    with explaining_continuation(folder), log_of(comm, folder / "wear.log", scene, options) as log:
         structure = build(scene, comm, log)
         wearing, failures = WearingJoint(structure), list[str]()
         progress = Progress(comm, folder, scene, options, request.fresh)

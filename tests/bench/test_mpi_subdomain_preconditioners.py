@@ -10,11 +10,11 @@ from scipy.linalg import block_diag
 
 from microslip.continuation.grid import at_frequencies
 from microslip.fourier.amplitudes import to_complex, to_real
-from microslip.harmonic import clustered, newton_solver, preconditioner
-from microslip.harmonic.clustered import ClusteredPreconditioner, SectorsPreconditioner, of_wide_slip
+from microslip.harmonic import newton_solver, preconditioner, subdomain_preconditioners
 from microslip.harmonic.gmres import Gmres
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.preconditioner import REGULAR, HarmonicPreconditioner, Inverse, complex_linear
+from microslip.harmonic.subdomain_preconditioners import SectorsPreconditioner, SubdomainPreconditioner, of_wide_slip
 from microslip.points.selection import AllPairs
 from microslip.receptance.subdomains import bisected, coupling
 
@@ -56,12 +56,12 @@ def iterations(at, precondition):
 
 
 def test_one_cluster_is_the_whole_preconditioner(problem, monkeypatch):
-    monkeypatch.setattr(clustered, "LOCAL", N_PAIRS)
+    monkeypatch.setattr(subdomain_preconditioners, "LOCAL", N_PAIRS)
     monkeypatch.setattr(preconditioner, "SINGLE_ERROR", 0.0)  # in double precision
     at = linearised(problem)
     b = np.random.default_rng(COMM.rank).standard_normal((len(at.forces.active_owned), 3, 2 * H + 1))
     exact = HarmonicPreconditioner(at).apply(b)
-    assert ClusteredPreconditioner(at).apply(b) == pytest.approx(exact, abs=1e-9 * max(1.0, np.abs(exact).max(initial=0.0)))
+    assert SubdomainPreconditioner(at).apply(b) == pytest.approx(exact, abs=1e-9 * max(1.0, np.abs(exact).max(initial=0.0)))
 
 
 def test_an_inverse_is_in_single_precision_where_that_suffices():
@@ -79,15 +79,15 @@ def test_an_inverse_is_in_single_precision_where_that_suffices():
 
 @pytest.mark.ranks(1, 2)
 def test_clusters_leave_gmres_little_to_do(problem, monkeypatch):
-    monkeypatch.setattr(clustered, "LOCAL", 8)
-    monkeypatch.setattr(clustered, "REGIONS", 6)
+    monkeypatch.setattr(subdomain_preconditioners, "LOCAL", 8)
+    monkeypatch.setattr(subdomain_preconditioners, "REGIONS", 6)
     at = linearised(problem)
-    made = ClusteredPreconditioner(at)
-    assert len(made.clusters) > len(made.regions.rows) >= 6 and max(map(len, made.clusters)) <= 3 * 8
+    made = SubdomainPreconditioner(at)
+    assert len(made.subdomains) > len(made.regions.rows) >= 6 and max(map(len, made.subdomains)) <= 3 * 8
     none, whole = iterations(at, lambda x: x), iterations(at, HarmonicPreconditioner(at).apply)
     adjoint = at.transposed()
     assert iterations(at, made.apply) < min(0.5 * none, 3 * whole)
-    assert iterations(adjoint, ClusteredPreconditioner(adjoint).apply) < 0.5 * iterations(adjoint, lambda x: x)
+    assert iterations(adjoint, SubdomainPreconditioner(adjoint).apply) < 0.5 * iterations(adjoint, lambda x: x)
 
 
 def test_clusters_are_of_neighbours(problem):
@@ -115,7 +115,7 @@ def test_sectors_are_solved_for_exactly(problem, monkeypatch):
     b = np.random.default_rng(3).standard_normal((len(active), 3, N_H))
     owned = (active >= equation.model.owned.start) & (active < equation.model.owned.stop)
     made = of_wide_slip(at)
-    assert isinstance(made, SectorsPreconditioner) and [len(rows) // 3 for rows in made.clusters] == [n, n // 2, n, n]
+    assert isinstance(made, SectorsPreconditioner) and [len(rows) // 3 for rows in made.subdomains] == [n, n // 2, n, n]
     P, amplitudes = equation.gather(complex_linear(at.P, N_H)), to_complex(b.reshape(-1, N_H))
     for k, G_n in enumerate(at.G.blocks()):
         B_n = np.eye(len(G_n)) + REGULAR * G_n @ block_diag(*P[:, k])
@@ -126,15 +126,15 @@ def test_sectors_are_solved_for_exactly(problem, monkeypatch):
 
 
 @pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize(("n_sectors", "kind"), [(1, ClusteredPreconditioner), (5, SectorsPreconditioner)])
+@pytest.mark.parametrize(("n_sectors", "kind"), [(1, SubdomainPreconditioner), (5, SectorsPreconditioner)])
 def test_the_curve_is_the_same_with_it(problem, monkeypatch, n_sectors, kind):
     plain = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
     made = []
-    monkeypatch.setattr(clustered, "LARGE", 10)
+    monkeypatch.setattr(subdomain_preconditioners, "LARGE", 10)
     monkeypatch.setattr(newton_solver, "LARGE", 10)
     monkeypatch.setattr(newton_solver, "LARGEST", 0)
     monkeypatch.setattr(newton_solver, "MANY_IN_LARGE", 0)
-    monkeypatch.setattr(clustered, "LOCAL", 12)
+    monkeypatch.setattr(subdomain_preconditioners, "LOCAL", 12)
     monkeypatch.setattr(newton_solver, "of_wide_slip", lambda at: made.append(of_wide_slip(at)) or made[-1])
     problem = replace(problem, equation=problem.equation.of(replace(problem.equation.model, n_sectors=n_sectors)))
     solution = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)

@@ -29,7 +29,7 @@ def of_wide_slip(at: Linearisation) -> PairsPreconditioner:
     """Return the preconditioner of wide slip for this number of active pairs.  Collective."""
     if at.equation.model.n_sectors > 1:
         return SectorsPreconditioner(at)
-    return (ClusteredPreconditioner if len(at.forces.active) > LARGE else HarmonicPreconditioner)(at)
+    return (SubdomainPreconditioner if len(at.forces.active) > LARGE else HarmonicPreconditioner)(at)
 
 
 class SectorsPreconditioner(PairsPreconditioner):
@@ -43,32 +43,32 @@ class SectorsPreconditioner(PairsPreconditioner):
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
         sector = at.forces.active // (at.equation.model.n_pairs // at.equation.model.n_sectors)
         of_sectors = [np.flatnonzero(sector == s) for s in np.unique(sector)]
-        self.clusters = [rows_of(part) for part in bisected(at.G, of_sectors, LARGEST_SECTOR)]
-        self.local = [_inverses(at, P, rows) for rows in self.clusters]  # by sector and harmonic
+        self.subdomains = [rows_of(part) for part in bisected(at.G, of_sectors, LARGEST_SECTOR)]
+        self.local = [_inverses(at, P, rows) for rows in self.subdomains]  # by sector and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
         """Return the solution for the right-hand side b of harmonic n."""
         x = np.empty_like(b)
-        for rows, inverses in zip(self.clusters, self.local):
+        for rows, inverses in zip(self.subdomains, self.local):
             x[rows] = inverses[n].times(b[rows])
         return x
 
 
-class ClusteredPreconditioner(PairsPreconditioner):
+class SubdomainPreconditioner(PairsPreconditioner):
     """The approximate B_n^-1, eq. (5.7), for the active pairs of a linearisation; reused for nearby ones.  Collective."""
 
     def __init__(self, at: Linearisation):
         super().__init__(at)
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
         regions = bisected(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
-        self.clusters = [rows_of(cluster) for cluster in bisected(at.G, regions, LOCAL)]
+        self.subdomains = [rows_of(part) for part in bisected(at.G, regions, LOCAL)]
         self.regions = _Regions(at, P, regions)
-        self.local = [_inverses(at, P, rows) for rows in self.clusters]  # by subdomain and harmonic
+        self.local = [_inverses(at, P, rows) for rows in self.subdomains]  # by subdomain and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
         """Return the solution for the right-hand side b of harmonic n."""
         mean, rest = self.regions.solve(n, b)
-        for rows, inverses in zip(self.clusters, self.local):
+        for rows, inverses in zip(self.subdomains, self.local):
             mean[rows] += inverses[n].times(rest[rows])
         return mean
 
