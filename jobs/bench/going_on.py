@@ -25,7 +25,7 @@ from microslip.parallel.petsc import initialise
 initialise()
 from mpi4py import MPI
 
-import microslip.run as story
+import microslip.run as whole_run
 from microslip.parallel.agree import on_root
 from microslip.restart import folder as kept
 from microslip.restart.branch_files import BranchFiles
@@ -69,12 +69,12 @@ def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
     """Return what a run takes: all of it, its set-up, keeping, going on with a kept set-up.  Collective."""
     clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
     patched: list[tuple[Any, str, str]] = [(owner, name, "keeping") for owner, name in KEEPING]
-    patched += [(story, "build", "set-up"), (kept, "identity_of", "identity"), (kept.Restart, "_restored", "going on")]
+    patched += [(whole_run, "build", "set-up"), (kept, "identity_of", "identity"), (kept.Restart, "_restored", "going on")]
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in patched]
     try:
         for owner, name, of in patched:
             setattr(owner, name, clocks[of].around(getattr(owner, name)))
-        clocks["run"].around(story.run)(scene, comm, folder, story.RunOptions(screen=False))
+        clocks["run"].around(whole_run.run)(scene, comm, folder, whole_run.RunOptions(screen=False))
     finally:
         for owner, name, function in before:
             setattr(owner, name, function)
@@ -92,7 +92,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=["jobs/fan_small.toml"], metavar="SCENE.toml")
     comm = MPI.COMM_WORLD
-    story.draw = lambda *_: None
+    whole_run.draw = lambda *_: None
     for file in parser.parse_args().scenes:
         with tempfile.TemporaryDirectory() as own:
             folder, scene = Path(comm.bcast(own)), on_root(comm, read_scene, file)

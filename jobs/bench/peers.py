@@ -34,7 +34,7 @@ from microslip.continuation.grid import at_frequencies
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.scene.read import changed
-from microslip.studies.export import story as export
+from microslip.studies.export import command as export
 
 JOBS = Path(__file__).parents[1]
 sys.path.insert(0, str(JOBS.parent / "meshes"))

@@ -30,7 +30,7 @@ from mpi4py import MPI
 from page_tables import put, table
 
 from microslip.scene.read import read_scene
-from microslip.studies.trade import story
+from microslip.studies.trade import command
 from microslip.studies.trade.report import (
     COLUMNS,
     SHOWN,
@@ -47,9 +47,9 @@ from microslip.studies.trade.study import TARGETS, Check, Curve, Reference, Run,
 
 SCENES = {
     "jobs/fan_paper.toml": 900.0,
-    "jobs/fan_small.toml": story.SECONDS,
-    "jobs/lap_joint.toml": story.SECONDS,
-    "jobs/spatial.toml": story.SECONDS,
+    "jobs/fan_small.toml": command.SECONDS,
+    "jobs/lap_joint.toml": command.SECONDS,
+    "jobs/spatial.toml": command.SECONDS,
 }
 WITHOUT_METHODS = ("jobs/fan_paper.toml",)  # rubin alone takes six minutes there: docs/bench_methods.md compares them
 CHOSEN = "scene", "target, % of the peak", "error measured, %", "ratio", "response, s", "set-up, s", "command"
@@ -75,15 +75,15 @@ def main() -> None:
     options = parser.parse_args()
     comm = MPI.COMM_WORLD
     for name in () if options.draw else options.scenes:
-        measure(name, comm, options.seconds or SCENES.get(name, story.SECONDS))
+        measure(name, comm, options.seconds or SCENES.get(name, command.SECONDS))
     if comm.rank == 0:
         write_page(options.scenes, options.out)
 
 
 def measure(name: str, comm: MPI.Comm, seconds: float) -> None:
     """Measure a scene and store the result.  Collective."""
-    start, parameters = time.perf_counter(), [key for key in story.PARAMETERS if key != "method" or name not in WITHOUT_METHODS]
-    study = story.study(read_scene(name), comm, folder_of(name), story.Request(parameters=tuple(parameters), seconds=seconds))
+    start, parameters = time.perf_counter(), [key for key in command.PARAMETERS if key != "method" or name not in WITHOUT_METHODS]
+    study = command.study(read_scene(name), comm, folder_of(name), command.Request(parameters=tuple(parameters), seconds=seconds))
     if comm.rank == 0:
         date, ranks = time.strftime("%Y-%m-%d"), f"{comm.size} rank{'s' if comm.size > 1 else ''}"
         facts = [*machine.lines(machine.facts()), f"{ranks}, {date}."]

@@ -184,7 +184,7 @@ def _look(command: Command, comm: MPI.Comm | None) -> int:
 
         check_model(command.file, comm, command.out)
     else:
-        from .studies.new.story import new
+        from .studies.new.command import new
 
         new(command.file, comm, command.out, "force" in command.options)
     return 0
@@ -212,7 +212,7 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
     repeat_early_signal()
     show_stacks()
     if command.name == "check":
-        from .studies.check.story import check
+        from .studies.check.command import check
 
         check(scene, comm, command.out)
         return 0
@@ -249,10 +249,10 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
 
 def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     """Perform a study of a scene, into a folder.  Collective on ``comm``."""
-    story = import_module(f".studies.{command.name}.story", __package__)
-    names = {field.name for field in fields(story.Request)}
-    request = story.Request(**{name: value for name, value in command.options.items() if name in names})
-    story.study(scene, comm, out, request, command.petsc)
+    module = import_module(f".studies.{command.name}.command", __package__)
+    names = {field.name for field in fields(module.Request)}
+    request = module.Request(**{name: value for name, value in command.options.items() if name in names})
+    module.study(scene, comm, out, request, command.petsc)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The story of a run: one call a stage, from the scene to the response and its pictures."""
+"""A run: one call for each stage, from the scene to the response and its pictures."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from oracles import scenes
 
 from microslip.parallel.agree import on_root
 from microslip.reduction.methods import METHODS, full
-from microslip.studies.compare import story as compare
+from microslip.studies.compare import command as compare
 
 pytestmark = pytest.mark.ranks(1, 2)
 

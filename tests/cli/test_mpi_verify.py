@@ -12,7 +12,7 @@ from oracles import scenes
 from microslip.__main__ import main
 from microslip.messages.errors import ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.studies.verify import story as verify
+from microslip.studies.verify import command as verify
 from microslip.transient.march import March
 
 pytestmark = pytest.mark.ranks(1, 2)

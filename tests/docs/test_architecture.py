@@ -72,7 +72,7 @@ def test_every_file_that_the_page_names_is_there():
     assert not {file for file in files if not (SOLVER / file).is_file()}
 
 
-WALKS = {  # the names of a value on its path
+PATHS = {  # the names of a value on its path
     "levels": "levels?|at_level",
     "mu": "mu|friction",
     "harmonics": "harmonics",
@@ -92,14 +92,14 @@ def defined(path, name):
     return ast.get_source_segment(text, node)
 
 
-@pytest.mark.parametrize("value", WALKS)
-def test_the_walk_of_a_value_is_that_of_the_code(value):
-    (row,) = re.findall(rf"^\| `{value}`.*$", PAGE.partition("## Walks")[2], flags=re.M)
+@pytest.mark.parametrize("value", PATHS)
+def test_the_path_of_a_value_is_that_of_the_code(value):
+    (row,) = re.findall(rf"^\| `{value}`.*$", PAGE.partition("## Paths of values")[2], flags=re.M)
     _, way, files, _ = (cell.strip() for cell in row.strip("|").split(" | "))
     steps = re.findall(r"`([\w/]+\.\w+)` `([\w.]+)`", way)
     assert len({file for file, _ in steps}) == int(files) == way.count(",") + 1
     for file, name in steps:
-        assert re.search(rf"\b({WALKS[value]})\b", defined(SOLVER / file, name)), file
+        assert re.search(rf"\b({PATHS[value]})\b", defined(SOLVER / file, name)), file
 
 
 def test_no_room_of_the_vibration_but_the_law_s_computes_with_mu():

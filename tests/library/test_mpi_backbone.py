@@ -18,8 +18,8 @@ from microslip.library import backbone
 from microslip.library.backbone import ModePoint, QuasiStatic, comes_to_gross_slip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
+from microslip.studies.backbone.command import band
 from microslip.studies.backbone.report import Forced, in_words, statics_in_words
-from microslip.studies.backbone.story import band
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD

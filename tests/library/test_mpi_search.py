@@ -17,7 +17,7 @@ from microslip.library.search import FollowedCurve
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.points.multipliers import is_stable
-from microslip.studies.search import story
+from microslip.studies.search import command
 from microslip.studies.search.report import returns
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -56,7 +56,7 @@ def test_one_solution_and_the_files(scene, shared_path):
     if COMM.rank == 0:
         (shared_path / "out").mkdir()
         (shared_path / "out" / "curves.csv").touch()  # of an earlier search
-    story.study(scene(), COMM, shared_path / "out", story.Request(1.06 / (2.0 * np.pi), starts=2, follow=True))
+    command.study(scene(), COMM, shared_path / "out", command.Request(1.06 / (2.0 * np.pi), starts=2, follow=True))
     if COMM.rank == 0:
         with open(shared_path / "out" / "search.csv") as file:
             (row,) = csv.DictReader(file)
@@ -140,7 +140,7 @@ def test_isolated_branches_of_half_the_frequency_before_a_frictional_stop(shared
     system = scenes.gap_mass() | {"loads": [{"vector": [0.4, 0.2, 1.0], "harmonic": 2, "phase": 0.0}]}
     path = write_matrix_scene(shared_path, system, (level,), (1.0, 1.5), harmonics=6, samples=128, points=12)
     out, values = shared_path / "out", []
-    monkeypatch.setattr(story, "search", lambda *given, **keys: values.append(microslip.search(*given, **keys)) or values[0])
+    monkeypatch.setattr(command, "search", lambda *given, **keys: values.append(microslip.search(*given, **keys)) or values[0])
     status, said, err = program("search", path, "--at", repr(omega / 2.0 / np.pi), "--starts", "50", "--continue", "--out", out)
     assert (status, err) == (0, "")
     with open(out / "search.csv") as file:

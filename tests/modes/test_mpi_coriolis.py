@@ -15,9 +15,9 @@ from microslip.modes.lapack import gathered
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.scene.read import read_scene
+from microslip.studies.modes.command import stuck_modes
 from microslip.studies.modes.coriolis import with_matrix
 from microslip.studies.modes.disc import modes_by_diameter
-from microslip.studies.modes.story import stuck_modes
 
 pytestmark = pytest.mark.ranks(1, 2)
 

@@ -14,7 +14,7 @@ from oracles.scenes import chain
 from plain_model import tables
 from scene_text import driven, response, steel, support, table
 
-import microslip.run as story
+import microslip.run as whole_run
 from microslip.library.follow_response import follow
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
@@ -47,7 +47,7 @@ def followed(scene, folder, shared, comm=COMM, fresh=False):
     """Return number of modes, branches and notes of a scene, as a run follows them with the cache in ``shared``."""
     log = RunLog(comm, screen=False)
     restart = Restart.open(comm, folder, scene, (), fresh, shared)
-    prepared = restart.prepared(log, partial(story.build, scene, comm, log))
+    prepared = restart.prepared(log, partial(whole_run.build, scene, comm, log))
     try:
         branches = follow(prepared.response, (), 1, log, restart.checkpointers_of(prepared, log))
         restart.share_columns(log)
@@ -167,7 +167,7 @@ def prepared_by(scene, folder, shared):
     """Return what a run with the cache in ``shared`` prepares, with its factor, if any, and its notes."""
     log = RunLog(COMM, screen=False)
     restart = Restart.open(COMM, folder, scene, (), False, shared)
-    return restart.prepared(log, partial(story.build, scene, COMM, log)), log.notes
+    return restart.prepared(log, partial(whole_run.build, scene, COMM, log)), log.notes
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
 
-import microslip.run as story
+import microslip.run as whole_run
 from microslip.library.follow_response import follow
 from microslip.messages.errors import CaseError, ConvergenceError, Interrupted
 from microslip.observe.log import RunLog
@@ -25,7 +25,7 @@ from microslip.restart.records import pack
 from microslip.results.read import read_results
 from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
-from microslip.studies.backbone import story as backbone
+from microslip.studies.backbone import command as backbone
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -60,7 +60,7 @@ def followed(scene, folder, observers=(), fresh=False):
     """Return the branches of a scene, as a run follows them."""
     log = RunLog(COMM, screen=False)
     restart = Restart.open(COMM, folder, scene, (), fresh)
-    prepared = restart.prepared(log, partial(story.build, scene, COMM, log))
+    prepared = restart.prepared(log, partial(whole_run.build, scene, COMM, log))
     try:
         return follow(prepared.response, observers, 1, log, restart.checkpointers_of(prepared, log))
     finally:
@@ -155,7 +155,7 @@ def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
     if COMM.rank == 0:
         log = RunLog(alone, screen=False)
         restart = Restart.open(alone, shared_path / "parts", scene)
-        prepared = restart.prepared(log, partial(story.build, scene, alone, log))
+        prepared = restart.prepared(log, partial(whole_run.build, scene, alone, log))
         with pytest.raises(Interrupted):
             follow(prepared.response, [StopsAfter(7)], 1, log, restart.checkpointers_of(prepared, log))
         prepared.close()
@@ -279,7 +279,7 @@ def test_that_modes_end_within_a_wider_range_is_said(shared_path):
     assert Restart.open(COMM, shared_path, narrow).identity.setup != Restart.open(COMM, shared_path, wide).identity.setup
 
 
-# -- the whole story ---------------------------------------------------------------------------------------------------
+# -- a whole run ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow

@@ -12,10 +12,10 @@ from microslip.points.error_parts import PARTS, total
 from microslip.results.origin import InputFile, Origin
 from microslip.results.read import read_results
 from microslip.results.record import COMPLETE, RUNNING, STOPPED, ResultFile, level_result
+from microslip.studies.diff.command import compared
 from microslip.studies.diff.compared_inputs import NOT_STATED, Change, facts_changed, flattened, inputs_changed, keys_changed
 from microslip.studies.diff.curves import Curve, half_width
 from microslip.studies.diff.report import compare_files, json_of, text_of, verdict
-from microslip.studies.diff.story import compared
 
 ZETA, F_N = 0.005, 100.0
 

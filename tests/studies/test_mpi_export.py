@@ -22,7 +22,7 @@ from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.receptance.motions import linear_motion, output_motion
 from microslip.scene.read import read_scene
-from microslip.studies.export import story
+from microslip.studies.export import command
 from microslip.studies.export.interface_model import independent_rows, interface_model
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -30,7 +30,7 @@ HZ = 2.0 * np.pi
 
 
 def exported(scene, comm, folder, **asked):
-    story.study(scene, comm, folder, story.Request(**asked))
+    command.study(scene, comm, folder, command.Request(**asked))
     comm.barrier()
     return dict(np.load(folder / "model.npz"))
 
@@ -272,7 +272,7 @@ def test_dependent_relative_displacements_follow_from_the_others():
 )
 def test_a_method_without_finite_matrices_is_refused(comm, tmp_path, method, message):
     with pytest.raises(CaseError, match=f"--method: .*{message}"):
-        story.study(None, comm, tmp_path, story.Request(method))
+        command.study(None, comm, tmp_path, command.Request(method))
     assert not list(tmp_path.iterdir())
 
 
@@ -293,7 +293,7 @@ def test_scripts_follow_a_softening_spring_and_write_its_response(comm, shared_p
         return
     place = shared_path / "scripts"
     place.mkdir()
-    code = Path(story.__file__).parent / "scripts" / "exported_model.py"
+    code = Path(command.__file__).parent / "scripts" / "exported_model.py"
     names = {}
     exec(compile(code.read_text(), str(code), "exec"), names)
     model = {"frequency": np.array([0.1, 0.05]), "outputs": np.ones((1, 1)), "output_order": np.array([1.0]), "harmonics": 1}

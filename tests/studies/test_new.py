@@ -23,8 +23,8 @@ from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
 from microslip.studies.check.model_mesh import bodies_of, whole_mesh
 from microslip.studies.new.candidates import candidates_and_bolts
+from microslip.studies.new.command import _write
 from microslip.studies.new.joint_text import _is_part
-from microslip.studies.new.story import _write
 from microslip.tables.constant_loads import Bolt
 from microslip.tables.joint import Joint
 from microslip.tables.structure import Surface

@@ -10,7 +10,7 @@ from msh import write_msh
 from microslip.mesh.read import read_mesh
 from microslip.scene.read import read_scene
 from microslip.studies.check.marks import marks_of_scene
-from microslip.studies.new.story import _write
+from microslip.studies.new.command import _write
 
 
 def filled(path):

@@ -10,8 +10,8 @@ from microslip.contact.law import SLIP
 from microslip.parallel.agree import on_root
 from microslip.reduction.methods import METHODS
 from microslip.scene.read import changed
+from microslip.studies.diff.command import Difference, compared
 from microslip.studies.diff.report import text_of
-from microslip.studies.diff.story import Difference, compared
 
 pytestmark = pytest.mark.ranks(2, 3)
 

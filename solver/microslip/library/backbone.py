@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,12 +101,12 @@ class Backbone:
     linear_frequency: float  # Hz, all pairs stuck
     linear_damping: float  # -
     first_slip: float  # kg^1/2 m, q at which the first pair slips, opens or touches; infinite if the mode moves no pair
-    points: tuple[ModePoint, ...]
-    quasi_static: QuasiStatic | None
-    meetings: tuple[Meeting, ...]
-    checks: tuple[Check, ...]
-    seconds: float
-    failure: str | None
+    points: tuple[ModePoint, ...] = ()
+    quasi_static: QuasiStatic | None = None
+    meetings: tuple[Meeting, ...] = ()
+    checks: tuple[Check, ...] = ()
+    seconds: float = 0.0
+    failure: str | None = None
     notes: tuple[str, ...] = ()
     joints: tuple[str, ...] = field(default=(), repr=False)  # of each pair
     slips_at_rest: bool = False  # whether some pairs slip from the first motion on; the mode then begins at a small amplitude
@@ -287,7 +287,8 @@ def backbone(
                 f"{structure.scene.path}: backbone: all pairs that mode {mode} moves are closed without a preload: nothing "
                 "sticks at small amplitudes, so that there is no mode to begin from; state a preload or a gap"
             )
-        return _line(prepared, problem, mode, notes)
+        why = f"mode {mode} moves no pair of a joint: its frequency and damping are the same at any amplitude"
+        return replace(_linear(prepared, problem, mode, Begin(np.inf)), notes=(*notes, why))
     points = list[ModePoint]()
 
     def at(point: Point) -> ModePoint:  # the motion of points from checkpoints is on rank 0
@@ -305,16 +306,39 @@ def backbone(
     branch = follow_mode(problem, sweep, tolerance, record, is_gross, checkpointer=checkpointer)
     seconds = time.perf_counter() - start
     checks = checked(problem, branch, points, tolerance) if error_bars else ()
-    quasi: QuasiStatic | str | None = None
-    if quasi_static and structure.scene.cyclic is None and len(points) > 1:
-        opens = on_root(equation.comm, opens_from, branch, prepared.pairs.open_at_rest)
-        quasi = by_statics(equation, problem, points, opens)
-    if isinstance(quasi, str):
-        notes, quasi = (*notes, f"mode {mode} by statics and Masing's rules: left out, {quasi}"), None
-    if n_released:
-        which = f"{n_released} pairs have a gap and are" if n_released > 1 else "1 pair has a gap and is"
-        notes = (*notes, f"{which} open at rest: modes are counted without springs there")
-    return _backbone(prepared, problem, mode, begin, tuple(points), quasi, checks, seconds, branch.failure, notes, n_released)
+    quasi, left_out = _by_statics(prepared, equation, problem, branch, points) if quasi_static else (None, ())
+    return replace(
+        _linear(prepared, problem, mode, begin),
+        points=tuple(points),
+        quasi_static=quasi,
+        meetings=meetings_of(prepared.model, problem.j, tuple(points)),
+        checks=checks,
+        seconds=seconds,
+        failure=branch.failure,
+        notes=(*notes, *left_out, *_note_on_gaps(n_released)),
+        counts_open=n_released > 0,
+    )
+
+
+def _by_statics(
+    prepared: Prepared, equation: HarmonicBalance, problem: NonlinearMode, branch: Branch, points: list[ModePoint]
+) -> tuple[QuasiStatic | None, tuple[str, ...]]:
+    """Return the mode by statics, None for a disc or a single point, and a note where it is left out.  Collective."""
+    if prepared.scene.cyclic is not None or len(points) < 2:
+        return None, ()
+    opens = on_root(equation.comm, opens_from, branch, prepared.pairs.open_at_rest)
+    quasi = by_statics(equation, problem, points, opens)
+    return (
+        (None, (f"mode {problem.j + 1} by statics and Masing's rules: left out, {quasi}",))
+        if isinstance(quasi, str)
+        else (quasi, ())
+    )
+
+
+def _note_on_gaps(n: int) -> list[str]:
+    """Return the note on n pairs with a gap, whose springs are left out.  Local."""
+    which = f"{n} pairs have a gap and are" if n > 1 else "1 pair has a gap and is"
+    return [f"{which} open at rest: modes are counted without springs there"] * (n > 0)
 
 
 def comes_to_gross_slip(points: list[ModePoint]) -> bool:
@@ -498,25 +522,8 @@ def meetings_of(model: ReducedModel, j: int, points: tuple[ModePoint, ...]) -> t
     return tuple(sorted(meetings, key=lambda meeting: meeting.amplitude))
 
 
-def _line(prepared: Prepared, problem: NonlinearMode, mode: int, notes: tuple[str, ...]) -> Backbone:
-    """Return the backbone of a mode that moves no pair."""
-    why = f"mode {mode} moves no pair of a joint: its frequency and damping are the same at any amplitude"
-    return _backbone(prepared, problem, mode, Begin(np.inf), (), None, (), 0.0, None, (*notes, why))
-
-
-def _backbone(
-    prepared: Prepared,
-    problem: NonlinearMode,
-    mode: int,
-    begin: Begin,
-    points: tuple[ModePoint, ...],
-    quasi: QuasiStatic | None,
-    checks: tuple[Check, ...],
-    seconds: float,
-    failure: str | None,
-    notes: tuple[str, ...],
-    n_released: int = 0,
-) -> Backbone:
+def _linear(prepared: Prepared, problem: NonlinearMode, mode: int, begin: Begin) -> Backbone:
+    """Return the backbone of a mode without points: what the linear structure determines.  Local."""
     units = units_of(prepared.scene)
     return Backbone(
         mode=mode,
@@ -526,15 +533,7 @@ def _backbone(
         linear_frequency=problem.omega / (2.0 * np.pi),
         linear_damping=-problem.sigma / (2.0 * problem.omega),
         first_slip=begin.amplitude,
-        points=points,
-        quasi_static=quasi,
-        meetings=meetings_of(prepared.model, problem.j, points),
-        checks=checks,
-        seconds=seconds,
-        failure=failure,
-        notes=notes,
         joints=tuple(prepared.pairs.joint),
         slips_at_rest=not begin.is_first_slip,
         open_at_rest=int(np.count_nonzero(prepared.pairs.open_at_rest)),
-        counts_open=n_released > 0,
     )

@@ -7,8 +7,8 @@ from matplotlib.lines import Line2D
 from ...results.layout import log_scale
 from ...results.measures import segments
 from ...results.style import INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
+from .command import Difference
 from .compared_levels import LevelDifference, difference_of
-from .story import Difference
 
 _MOST_LEVELS, _MOST_OUTPUTS = 4, 3
 _B = {"color": "#d55e00", "lw": 1.1}

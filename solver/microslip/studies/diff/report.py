@@ -11,10 +11,10 @@ from ...messages.words import listed
 from ...observe.screen_table import screen_table
 from ...results.record import COMPLETE, ResultFile
 from ...system.files import atomic_write, make_folder
+from .command import Difference, diff
 from .compared_inputs import Change
 from .compared_levels import LevelDifference
 from .picture import draw
-from .story import Difference, diff
 
 _MOST = 60  # largest number of characters of a value
 _RESOLVED = 0.9  # of a difference: if less exceeds the resolution of the points, the text states it

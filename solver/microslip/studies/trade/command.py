@@ -20,7 +20,7 @@ from ...reduction.methods import METHODS
 from ...scene.checks import OF_DISCS
 from ...scene.read import changed
 from ...scene.schema import Scene
-from ..compare.story import LARGEST_REFERENCE
+from ..compare.command import LARGEST_REFERENCE
 from ..log import log_of
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies

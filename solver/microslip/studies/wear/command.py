@@ -1,4 +1,4 @@
-"""The story of a wear study: build, cycle, jump, again; curves of the new and the worn joint; table, files, pictures."""
+"""The command `wear`: build, then cycles and jumps in turn; curves of the new and the worn joint; table, files, pictures."""
 
 from dataclasses import dataclass
 from pathlib import Path

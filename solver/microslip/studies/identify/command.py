@@ -1,4 +1,4 @@
-"""The story of an identification: build, fit, table, picture, and the scene with the values put in."""
+"""The command `identify`: build, fit, table, picture, and the scene with the fitted values."""
 
 from dataclasses import dataclass
 from pathlib import Path

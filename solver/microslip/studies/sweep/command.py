@@ -1,4 +1,4 @@
-"""The story of a sweep: samples, structures on groups of ranks, peaks as the groups come to them, table, files, pictures."""
+"""The command `sweep`: samples, structures and peaks on groups of ranks, table, files, pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The comparison of two results: inputs, structure, every level; one verdict."""
+"""The command `diff`: compare inputs, structure and every level of two results; one verdict."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The story of a search: build, search at a frequency, continue if requested; table, search.csv, curves.csv, search.png."""
+"""The command `search`: build, search at a frequency, continue if requested; table, search.csv, curves.csv, search.png."""
 
 from dataclasses import dataclass
 from pathlib import Path
