@@ -81,7 +81,7 @@ def _world() -> MPI.Comm | None:
 
 
 def _perform(command: Command, comm: MPI.Comm | None) -> int:
-    """Do what the command line asks for and return the exit status.  Collective on ``comm``."""
+    """Execute the command and return the exit status.  Collective on ``comm``."""
     if command.name == "doctor":
         return _doctor()
     if command.name in ("plot", "report", "convert"):

@@ -56,7 +56,7 @@ def run(
 
 
 def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions) -> Finished:
-    """Compute what is left of a run, write and draw all of it, and return where it is and why levels ended early.  Collective."""
+    """Compute the remainder of a run, write and draw the results; return their folder and why levels ended early.  Collective."""
     scene, output = restart.scene, on_root(comm, output_folder, folder)
     facts = {
         "scene": scene.source,

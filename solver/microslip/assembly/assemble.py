@@ -147,7 +147,7 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
 
 
 def left_free(free: np.ndarray) -> tuple[str, ...]:
-    """Say which rigid-body motions supports, springs and equations leave free, where these are not all.  Local."""
+    """Return a message on the rigid-body motions that supports, springs and equations leave free, if not all.  Local."""
     if free.shape[1] in (0, 6):
         return ()
     n_turns = int(np.any(free[3:] != 0.0, axis=0).sum())

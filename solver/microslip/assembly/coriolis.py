@@ -18,7 +18,7 @@ from .system import System
 
 @dataclass(frozen=True, eq=False)
 class Coriolis:
-    """G of eq. (12.16); of a disc on the rows of the sector with both faces, which serve all nodal diameters."""
+    """G of eq. (12.16); of a disc on the rows of the sector with both faces, for all nodal diameters."""
 
     G: PETSc.Mat  # [kg/s]
 

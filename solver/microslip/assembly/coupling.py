@@ -1,4 +1,4 @@
-"""Which nodes the stuck structure couples, without its numbers: what its matrices and their factor will hold."""
+"""The sparsity pattern of the stuck structure, without values: sizes of its matrices and their factor."""
 
 from __future__ import annotations
 

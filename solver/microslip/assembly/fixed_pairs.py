@@ -1,4 +1,4 @@
-"""Contact pairs whose sides cannot move relative to each other; a joint of such pairs alone is a mistake in the scene."""
+"""Contact pairs whose sides cannot move relative to each other; a joint of such pairs alone is an error in the scene."""
 
 import numpy as np
 import scipy.sparse as sp

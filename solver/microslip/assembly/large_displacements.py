@@ -1,4 +1,4 @@
-"""The structure about a large displacement: its tangent stiffness, and the loads from there (docs/theory.md, section 12)."""
+"""The structure about a large displacement: tangent stiffness and out-of-balance loads (docs/theory.md, section 12)."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from .system import System
 def tangent_about(
     dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
 ) -> tuple[System, np.ndarray]:
-    """Return the system with the stiffness K_T about a displacement, and the forces K_T u - f_int(u) beside the constant ones.
+    """Return the system with the stiffness K_T about a displacement, and the additional forces K_T u - f_int(u).
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  docs/theory.md, eq. (12.14).
 

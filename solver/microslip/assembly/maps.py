@@ -1,4 +1,4 @@
-"""The small sparse maps between DOFs and what they serve: contact pairs, loads, outputs."""
+"""The sparse maps between DOFs and contact pairs, loads and outputs."""
 
 from collections.abc import Sequence
 

@@ -41,7 +41,7 @@ _MOST_ENTRIES = 2**31 - 1  # MPI and PETSc count with 32 bits
 
 @dataclass(frozen=True)
 class GivenStructure:
-    """What the files hold.  Rank 0 only."""
+    """The contents of the files.  Rank 0 only."""
 
     K: sp.csr_matrix  # (n_dof, n_dof) N/m, without the joint springs
     M: sp.csr_matrix  # (n_dof, n_dof) kg
@@ -51,7 +51,7 @@ class GivenStructure:
     loads: sp.csc_matrix  # (n_dof, n_loads) real shapes of the loads, per unit level
     outputs: sp.csr_matrix  # (n_outputs, n_dof)
     places: Places | None = None  # nodes, where rows belong to some
-    notes: tuple[str, ...] = ()  # what the files say of themselves, for the log
+    notes: tuple[str, ...] = ()  # on the files, for the log
 
     @property
     def n_dof(self) -> int:
@@ -107,7 +107,7 @@ def read_structure(tables: StructureTables) -> GivenStructure:
 
 
 def _check_dofs(tables: StructureTables, n_dof: int, places: Places | None) -> None:
-    """Raise CaseError for loads and outputs on rows that are not there, and on nodes that nobody tells of."""
+    """Raise CaseError for loads and outputs on rows that do not exist, and on nodes without known rows."""
     named: dict[str, Sequence[Load | Output]] = {"loads": tables.loads, "outputs": tables.outputs}
     for table, entries in named.items():
         for i, entry in enumerate(entries, 1):

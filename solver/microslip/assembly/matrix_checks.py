@@ -1,4 +1,4 @@
-"""What the matrices of another program say of themselves: symmetry, definiteness, rigid-body motions, mass."""
+"""Properties of matrices of another program: symmetry, definiteness, rigid-body motions, mass."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,7 +30,7 @@ def messages_on_matrices(K: sp.csr_matrix, M: sp.csr_matrix, skew: dict[str, flo
 
 
 def definiteness(K: sp.csr_matrix) -> str:
-    """Say how many eigenvalues of the stiffness are negative: by the signs of its pivots, Sylvester's law of inertia.  Local."""
+    """Return a line on the negative eigenvalues of the stiffness, counted by its pivots (Sylvester's law of inertia).  Local."""
     diagonal = K.diagonal()
     if (diagonal < 0.0).any():
         return f"stiffness: not positive semi-definite, row {int(np.argmin(diagonal))} has {diagonal.min():.3g} on the diagonal"
@@ -76,7 +76,7 @@ def rigid_motions(places: Places) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def _of_motions(K: sp.csr_matrix, M: sp.csr_matrix, motions: np.ndarray, names: tuple[str, ...], dofs: Places) -> list[str]:
-    """Say which rigid motions strain nothing, by connected part of the stiffness, and the mass along each axis."""
+    """Return lines on the rigid-body motions without strain, by connected part of the stiffness, and the mass along each axis."""
     _, part = scipy.sparse.csgraph.connected_components(K, directed=False)
     moving = [number for number in np.unique(part[motions.any(axis=1)])]
     forces, parts = np.abs(K @ motions), abs(K) @ abs(motions)

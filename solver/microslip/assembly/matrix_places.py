@@ -1,4 +1,4 @@
-"""Nodes and directions of a structure given as matrices: what lets loads, outputs and joints name nodes in place of rows.
+"""Nodes and directions of a structure given as matrices, by which loads, outputs and joints may name nodes instead of rows.
 
 A superelement has rows q of its own and a recovery matrix, u = T q: both are places, those of q first.
 """
@@ -95,9 +95,9 @@ class Places:
 
 
 def read_places(tables: StructureTables, given: DofMap | None, n_dof: int) -> Places | None:
-    """Return the places of a structure; None where nobody tells nodes and directions.  Local, rank 0.
+    """Return the places of a structure; None where nodes and directions are unknown.  Local, rank 0.
 
-    ``given`` is what the stiffness's own file says of its rows.
+    ``given`` are nodes and directions of the rows by the file of the stiffness.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def names_nodes(path: Path) -> bool:
 
 
 def aligned(matrices: dict[str, FileMatrix], files: dict[str, Path]) -> tuple[dict[str, sp.csr_matrix], DofMap | None]:
-    """Return the matrices with their rows in one order, where their files say what they are, and what they are.  Local.
+    """Return the matrices with their rows in the same order, where their files state nodes and directions, and these.  Local.
 
     Rows that one matrix has and another does not are empty there.
 

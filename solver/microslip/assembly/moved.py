@@ -1,4 +1,4 @@
-"""Supports that are moved before the vibration, and hold what they hold there (docs/theory.md, eq. (12.12))."""
+"""Supports that are moved before the vibration and fixed during it (docs/theory.md, eq. (12.12))."""
 
 import numpy as np
 

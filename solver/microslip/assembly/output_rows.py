@@ -39,7 +39,7 @@ def output_row(mesh: Mesh, output: Output, tables: StructureTables, links: Links
 
 
 def _recovered(mesh: Mesh, node: int, output: Output, tables: StructureTables, where: str) -> OutputRow:
-    """Return the mean of what the elements around a node say of a component there, docs/theory.md, eq. (13.6)."""
+    """Return a component at a node, the mean over the elements around it, docs/theory.md, eq. (13.6)."""
     around = _elements_around(mesh, node, output, tables.sections, tables.body_of, where)
     i, j = ("xyz".index(axis) for axis in output.component or "")
     nodes, values = [], []

@@ -1,4 +1,4 @@
-"""What acts on a structure before it vibrates, and what its stress and spin add to its stiffness (docs/theory.md, section 12)."""
+"""Constant loads before the vibration, and the stiffness due to stress and spin (docs/theory.md, section 12)."""
 
 from collections.abc import Callable
 from dataclasses import replace

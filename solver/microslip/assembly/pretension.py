@@ -22,7 +22,7 @@ _ALONG = 1e-6  # of the normal: a support along less of it does not hold the cut
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """What the elements above the cuts see beyond the displacement of their nodes, on one rank: nothing but on cut nodes."""
+    """Displacements of the elements above the cuts in addition to those of their nodes, on one rank: 0 except on cut nodes."""
 
     normals: np.ndarray  # (n_bolts, 3) of the cuts
     of_nodes: np.ndarray  # (n_nodes,) rank-ordered: the bolt whose cut the node is in, or -1

@@ -1,4 +1,4 @@
-"""What acts on nodes and points of a structure at rest beside contact: its loads, and how elements resist where it is held."""
+"""Forces on nodes and points at rest other than contact: loads, and the resistance of the elements at supports."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ def acting_at_rest(
     u_owned: np.ndarray,
     above_cuts: Seen | None = None,
 ) -> Acting | None:
-    """Return what acts at rest beside contact, on rank 0; None elsewhere.
+    """Return the forces at rest other than contact, on rank 0; None elsewhere.
 
     Collective on ``dmesh.comm``: every rank gathers the displacement ``u_owned`` (n_dof_owned,) [m], rank 0 the forces.  Only
     elements at nodes that something holds are gone through.  docs/theory.md, eq. (12.15).

@@ -1,4 +1,4 @@
-"""Complex matrices and vectors as real ones of twice the size, for which MUMPS, SLEPc and PETSc with real numbers serve.
+"""Complex matrices and vectors as real ones of twice the size, for PETSc, SLEPc and MUMPS with real numbers.
 
 Row j of a complex vector becomes the rows 2 j (real part) and 2 j + 1 (imaginary part), an entry a + i b of a matrix the block
 [[a, -b], [b, a]].  A Hermitian matrix becomes a symmetric one, in which each eigenvalue is there twice: z and i z are two

@@ -1,4 +1,4 @@
-"""Rigid-body motions that nothing prevents, on each rank's rows: six without supports, springs to ground and equations."""
+"""Unconstrained rigid-body motions, on each rank's rows: six without supports, springs to ground and equations."""
 
 from __future__ import annotations
 

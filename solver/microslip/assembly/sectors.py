@@ -132,7 +132,7 @@ class Sectors:
         self.shared.clear()
 
     def destroy(self, other: Disc | None = None) -> None:
-        """Free the matrices of the sector, and what its nodal diameters share; once more does nothing.  Collective.
+        """Free the matrices of the sector and the shared data of its nodal diameters; a second call does nothing.  Collective.
 
         Those that an ``other`` state of rest of the same sectors shares stay.
         """

@@ -1,4 +1,4 @@
-"""What assembly (or matrices given by the user) hands on: K, M and the sparse maps R, loads, outputs."""
+"""The result of assembly, or of matrices given by the user: K, M and the sparse maps R, loads, outputs."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class System:
         return replace(self, R=self.R.conj(), loads=self.loads.conj(), outputs=self.outputs.conj(), constraints=constraints)
 
     def destroy(self, other: System | None = None) -> None:
-        """Free K, M and C, but for those that an ``other`` system shares; once more does nothing.  Collective.
+        """Free K, M and C, except those that an ``other`` system shares; a second call does nothing.  Collective.
 
         With an ``other`` one of a disc the matrices of the sector, too, unless both are about one state of rest.
         """

@@ -1,4 +1,4 @@
-"""Take a solution for a point of the branch: recorded, judged by its error bar, solved again with more where that asks for it."""
+"""Accept a solution as a point of the branch: record, error bar, and solves with finer resolution where needed."""
 
 from __future__ import annotations
 

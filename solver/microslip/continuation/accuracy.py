@@ -56,7 +56,7 @@ def samples_from(least: float) -> int:
 
 
 def least_samples(H: int) -> int:
-    """Return the fewest samples that the program chooses by itself for harmonics up to H: a power of two."""
+    """Return the smallest number of samples that the program chooses for harmonics up to H: a power of two."""
     return max(LEAST_SAMPLES, 2 ** int(np.ceil(np.log2(PER_HARMONIC * (H + 1)))))
 
 

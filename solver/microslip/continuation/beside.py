@@ -1,4 +1,4 @@
-"""What lies beside a maximum of an output by its phase (docs/theory.md, section 7)."""
+"""The neighbours of a maximum of an output by its phase (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .iterate import Iterate
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What lay beside a maximum: there the next one along a branch is looked for first, which saves iterations."""
+    """Neighbours of a maximum, from which the search for the next one along the branch begins: saves iterations."""
 
     distance: float  # rad
     bend: float  # 1/rad2, of the amplitude over the phase: 1 for one mode

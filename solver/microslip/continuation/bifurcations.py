@@ -1,4 +1,4 @@
-"""Where a curve turns back, and where its multipliers cross the unit circle: enclosed between points, then solved for.
+"""Bifurcations: folds of a curve and crossings of the unit circle by multipliers, enclosed between points, then solved for.
 
 docs/theory.md, section 16.
 """
@@ -25,7 +25,7 @@ from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
 
 CLOSE = 1e-6  # of the way between two points, to which a bifurcation is enclosed
-_REAL = 1e-3  # imaginary part, beside 1, up to which a multiplier is real
+_REAL = 1e-3  # imaginary part up to which a multiplier is real
 N_STEPS_AT_FOLDS = 512  # of the map of a cycle there, whose multiplier 1 is then as exact as the harmonics
 
 
@@ -87,7 +87,7 @@ def bifurcation_between(problem: ForcedResponse, branch: Branch, i: int, j: int,
 
 
 def _record(solver: PointSolver, there: Iterate, k: int) -> Bifurcation:
-    """Return what is said of a place.  Collective."""
+    """Return the record of a bifurcation.  Collective."""
     equation, at = solver.equation, solver.problem.at(there.parameters)
     values = multipliers_at(equation, at, there.U, N_STEPS if k else N_STEPS_AT_FOLDS).values
     multiplier = complex(values[k - 1] if k else values[np.argmin(np.abs(values - 1.0))])
@@ -97,7 +97,7 @@ def _record(solver: PointSolver, there: Iterate, k: int) -> Bifurcation:
 
 
 def kind_of(multiplier: complex) -> str:
-    """Return what happens where this multiplier crosses the unit circle, beside folds.  Local."""
+    """Return the kind of bifurcation where this multiplier crosses the unit circle, folds excepted.  Local."""
     if abs(multiplier.imag) > _REAL * abs(multiplier):
         return NEIMARK_SACKER
     return PERIOD_DOUBLING if multiplier.real < 0.0 else BRANCHING

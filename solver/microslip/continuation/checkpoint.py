@@ -1,7 +1,7 @@
 """The state of a branch as arrays, independent of the number of ranks; a restored state continues bitwise identically.
 
 In addition to the last points it contains the resolution, the hold of the mean slip, what the accuracy has learnt, the next
-step, what lay beside the last maximum, and where preconditioners were made, which are made there again.  These are no part of a
+step, the neighbours of the last maximum, and the points of the preconditioners, which are rebuilt there.  These are no part of a
 solution, but decide its last bits.
 """
 
@@ -138,7 +138,7 @@ def point_state(arrays: Arrays, owned: slice) -> PointState:
 
 
 def _of_beside(equation: HarmonicBalance, beside: Beside) -> Arrays:
-    """Return the arrays of what lies beside a maximum.  Collective."""
+    """Return the arrays of the neighbours of a maximum.  Collective."""
     return {
         "distance": np.array(beside.distance),
         "bend": np.array(beside.bend),
@@ -149,7 +149,7 @@ def _of_beside(equation: HarmonicBalance, beside: Beside) -> Arrays:
 
 
 def _beside(arrays: Arrays, owned: slice) -> Beside:
-    """Return what lies beside a maximum.  Local."""
+    """Return the neighbours of a maximum.  Local."""
     harmonics, sides = _harmonics(arrays["harmonics"]), zip(arrays["U"], arrays["parameters"])
     before, after = (Iterate(U[owned].copy(), tuple(map(float, parameters)), harmonics) for U, parameters in sides)
     return Beside(float(arrays["distance"]), float(arrays["bend"]), (before, after))

@@ -1,4 +1,4 @@
-"""Whether a branch goes round a closed curve, to which a long step has led it (docs/theory.md, section 7)."""
+"""Detection of a branch on a closed curve, which a long step has reached (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 

@@ -66,5 +66,5 @@ class DeflatedCorrector(Corrector):
         return iterations, reason
 
     def _multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply the Jacobian of M F to the step that was solved for last: the line search wants no other product."""
+        """Apply the Jacobian of M F to the last computed step: the line search needs no other product."""
         y.getArray()[:] = self._b

@@ -30,7 +30,7 @@ from .task import BranchTask
 from .ways_out import MOSTLY, regularised
 
 PARTS = 2  # of a level, for each group of ranks
-STEP = 0.1  # effort of a step beside that of the pairs that slide, as a share of them
+STEP = 0.1  # effort of a step in addition to that of the sliding pairs, as a share of all pairs
 LONGER = 4.0  # times the steps of the curve are those of the coarse one
 TURN, EASY = 0.5, 8  # rad between two of its steps, and Newton iterations, at which their length is kept
 COARSE = 1e-4  # tolerance of its points

@@ -296,7 +296,7 @@ def _wider(task: BranchTask, checkpointer: Checkpointer, workspace: Workspace) -
 
 
 def _to_the_end(task: BranchTask, state: BranchState) -> list[Point] | None:
-    """Return the points from a state to the end of the range; None where nothing leads there.  Collective."""
+    """Return the points from a state to the end of the range; None if the branch ends before.  Collective."""
     points: list[Point] = []
     while not state.is_done:
         solution = advance(task, state, points.append)
@@ -364,7 +364,7 @@ def follow_branch(
 
 
 def with_facts(branch: Branch, task: BranchTask, state: BranchState) -> Branch:
-    """Return a branch that ended at a state with what holds for all its points.  Local."""
+    """Return a branch that ended at a state with the data common to all its points.  Local."""
     branch.is_linear, branch.solver, accuracy = state.solver.is_linear, state.solver.workspace.solver, task.accuracy
     if accuracy is not None and "solver" not in accuracy.keeps:
         branch.closes_to = max(branch.closes_to, accuracy.target)

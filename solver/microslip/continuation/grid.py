@@ -166,7 +166,7 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
 
 @dataclass
 class Spent:
-    """Effort on the way to a point, in addition to that of its solve."""
+    """Effort of intermediate solves for a point, in addition to that of its solve."""
 
     newton: int = 0
     krylov: int = 0

@@ -1,4 +1,4 @@
-"""A place on a branch: a motion of the pairs, the parameters of the problem, and the harmonics that the motion is in."""
+"""An iterate: a motion of the pairs, its harmonics, and the parameters of the problem."""
 
 from __future__ import annotations
 

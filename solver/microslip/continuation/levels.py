@@ -230,7 +230,7 @@ def levels_of_slip(of: ResponseProblem) -> tuple[float, float] | None:
 
 
 def nobody(event: str, *news: Any) -> None:
-    """Tell nobody."""
+    """Do nothing: without an observer."""
 
 
 def follow_levels(

@@ -1,4 +1,4 @@
-"""Levels known to be linear are scaled from the linear response, not solved (docs/theory.md, section 7)."""
+"""Levels at which no pair slips: scaled from the linear response, not solved (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sticks_up_to(model: ReducedModel, law: Law, motions: list[np.ndarray]) -> np
 
 
 def is_linear(equation: HarmonicBalance, level: float, curve: LinearCurve) -> bool:
-    """Tell whether no pair leaves sticking anywhere on the sampled linear curve at a level [N].
+    """Return whether no pair leaves sticking anywhere on the sampled linear curve at a level [N].
 
     Collective: one evaluation of the pairs at each point where the bound alone does not tell, worst first.  A
     level that slips so costs one evaluation.
@@ -45,5 +45,5 @@ def is_linear(equation: HarmonicBalance, level: float, curve: LinearCurve) -> bo
 
 
 def sticks(equation: HarmonicBalance, at: OperatingPoint) -> bool:
-    """Tell whether every pair sticks, closed, at every sample of the linear response.  Collective."""
+    """Return whether every pair sticks, closed, at every sample of the linear response.  Collective."""
     return len(equation.contact_forces(equation.linear_motion(at), equation.every_pair, tangents=False).active) == 0

@@ -1,11 +1,11 @@
-"""A maximum over the frequency found by its phase, as a row of the system (docs/theory.md, section 7).
+"""A maximum over the frequency, located by the phase of the motion, as a row of the system (docs/theory.md, section 7).
 
 Along a resonance the motion of the pairs turns by half a cycle, folds included.  Solutions are taken at a given phase theta of
 that motion, and the amplitude of the output is the parabola through three of them: its top is the maximum.  The distance of the
 three is far above that of the corners where samples begin or end to slip, so that these do not count, and the top varies
-smoothly with other parameters.  Two solutions beside the phase and one at the top are enough where the last maximum of the branch
-tells the bend of the parabola.  A mode that hardly moves the pairs does not turn their motion; then the phase is that of the
-output.
+smoothly with other parameters.  Two solutions beside the phase and one at the top are enough where the curvature of the
+parabola is known from the last maximum of the branch.  A mode that hardly moves the pairs does not turn their motion; then the
+phase is that of the output.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class MaximumByPhase:
     is_of_output: bool = False  # the phase is that of the output, not that of the pairs' motion
 
     def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate) -> Correction:
-        """Return the maximum near a guess, under the row of the system beside that of the phase.
+        """Return the maximum near a guess, subject to the other row of the system.
 
         Collective; never raises for divergence, which comes back as ``failure``.
         """
@@ -136,7 +136,7 @@ class _Search:
         return self.counted(self.last, NO_MAXIMUM)
 
     def settled(self, theta: float, three: _Three) -> tuple[Correction | None, _Three]:
-        """Return the solution at the top and the parabola through it; none where that lies lower than one beside a mere guess."""
+        """Return the solution at the top and the parabola through it; None if lower than a neighbour of a mere guess."""
         solution, is_sure = None, three.is_even
         for _ in range(MOST_TOPS):
             t = three.top
@@ -218,14 +218,14 @@ class _Search:
         return all(isinstance(row, Plane) and row.is_at_value for row in self.system.constraints)
 
     def side(self, there: Iterate, way: int) -> Iterate:
-        """Return about the solution beside one near the top, as beside the last maximum.  Local."""
+        """Return a guess of a neighbour of a solution near the top, from the neighbours of the last maximum.  Local."""
         if self.known is None:
             return self.as_one_mode(there, way)
         side = self.known.sides[way > 0].on(there.harmonics)
         return self.turned(combined((there, replace(side, U=self.size * side.U)), (1.0, 1.0)), way * self.distance)
 
     def beside(self, three: _Three) -> Beside:
-        """Return what lies beside the maximum, which is that between.  Local."""
+        """Return the neighbours of the maximum, the solution in the middle.  Local."""
         low, here, high = (
             self.turned(there, (three.t - t) * self.distance) for there, t in zip(three.solutions, (-1.0, three.t, 1.0))
         )
@@ -239,7 +239,7 @@ class _Search:
         return there if self.row.is_of_output else rotated(there, theta)
 
     def as_one_mode(self, there: Iterate, way: int) -> Iterate:
-        """Return about the solution beside one near the top of a resonance, as if it were of one mode.  Local."""
+        """Return a guess of a neighbour of a solution near the top of a resonance, as if of a single mode.  Local."""
         theta, width = way * self.distance, self.system.scaling.parameters[1]
         turned = self.turned(there, theta)
         value, omega = turned.parameters

@@ -133,7 +133,7 @@ class _Search:
         return True
 
     def is_same(self, a: Iterate, b: Iterate) -> bool:
-        """Tell whether two motions are one, but for their means."""
+        """Return whether two motions are one, but for their means."""
         solver = self.solver
         away, *sizes = (solver.norm(solver.vibration(U)) for U in (a.U - b.U, a.U, b.U))
         return away <= DISTINCT * max(sizes)

@@ -45,7 +45,7 @@ FARTHER_BY = 50.0 ** (1.0 / 3.0)  # from one to the other, so that each solution
 
 
 def nobody(point: Point) -> None:
-    """Tell nobody of a point."""
+    """Do nothing with a point: without an observer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +209,7 @@ def with_value(varies: str | LawParameter, value: float, at: OperatingPoint) -> 
 
 
 def turns(equation: HarmonicBalance, stuck: Peak, begin: OperatingPoint) -> bool:
-    """Tell whether the linear motion of the pairs turns along a peak, as that of one mode does by a quarter of a cycle.
+    """Return whether the linear motion of the pairs turns along a peak, as that of one mode does by a quarter of a cycle.
 
     Collective.  ``begin`` is the operating point, but for frequency and level.
     """
@@ -291,7 +291,7 @@ def about_a_peak(
 ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
     """Return the derivatives of amplitude, phase and frequency [Hz] of a peak, (3, n_numbers, n_pairs) and (3, n_common).
 
-    Collective.  docs/theory.md, eq. (11.7): from those of two solutions, one on each side, near beside the half-power ``width``
+    Collective.  docs/theory.md, eq. (11.7): from those of two solutions, one on each side, much nearer than the half-power ``width``
     [rad/s].  None where none rises before the peak and falls behind it.
     """
     every, n_out = solver.equation.every_pair, solver.equation.model.n_outputs
@@ -350,7 +350,7 @@ def equation_at(point: Point, equation: HarmonicBalance, harmonics: Harmonics) -
 
 
 def harmonics_of(branch: Branch, point: Point, otherwise: Harmonics) -> Harmonics:
-    """Return the harmonics that a point was solved with: what the equation has, or as many as the accuracy chose.  Local."""
+    """Return the harmonics of a point: those of the equation, or those that the accuracy chose.  Local."""
     if branch.odd:
         return Harmonics.odd_up_to(point.harmonics)
     return otherwise if otherwise.highest == point.harmonics else Harmonics.up_to(point.harmonics)

@@ -45,7 +45,7 @@ def point_record(
 
     Raises
     ------
-    Unbalanced : work and losses do not balance, although the residual is small beside the motion; on every rank
+    Unbalanced : work and losses do not balance, although the residual is small relative to the motion; on every rank
     """
     (correction, selected), at = solution, problem.at(solution[0].iterate.parameters)
     equation = problem.equation.under(at)

@@ -1,4 +1,4 @@
-"""Solve single points of a branch, in whatever harmonics and samples (docs/theory.md, section 7)."""
+"""Solve single points of a branch, with any set of harmonics and number of samples (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Workspace:
         return self.corrector(equation, resolution).newton_solver
 
     def is_loose(self, equation: HarmonicBalance) -> bool:
-        """Tell whether nothing but its joint holds a body, once every pair slips.  Collective at first."""
+        """Return whether a body is supported by its joint alone.  Collective at first."""
         if equation.harmonics not in self._is_loose:
             self._is_loose[equation.harmonics] = is_held_by_its_joint_alone(equation.model, equation.law)
         return self._is_loose[equation.harmonics]
@@ -133,7 +133,7 @@ class PointSolver:
 
     @property
     def is_loose(self) -> bool:
-        """Whether nothing but its joint holds a body, once every pair slips.  Collective at first."""
+        """Whether a body is supported by its joint alone.  Collective at first."""
         return self.workspace.is_loose(self.equation)
 
     # -- solving ---------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The next point's guess, and the plane that holds the step (docs/theory.md, section 7)."""
+"""The predictor: the guess of the next point, and the plane of the step (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FAINT_MOTION = 1e-2  # of the motion under the same loads at rest, below which r
 def predict(
     solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float
 ) -> tuple[Iterate, Plane]:
-    """Return the guess a step ``ds`` ahead and the row that holds the step, docs/theory.md, eq. (7.2).
+    """Return the guess a step ``ds`` ahead and the row of the arc length, docs/theory.md, eq. (7.2).
 
     On the known curve (all pairs stuck) the guess is its point, at a fixed parameter; otherwise
     the parabola through the last three points (the secant where there are two), and the plane normal to the secant; for a maximum

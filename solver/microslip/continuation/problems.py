@@ -1,7 +1,7 @@
 """The problems of continuation: the harmonic-balance equation with one parameter or several.
 
-A problem says which operating point its k parameters stand for, how that changes with them, which k - 1 constraints hold beside
-the row of a step, and which curve, known in closed form, its solutions lie on while no pair slips.  The first parameter is swept.
+A problem defines the operating point for its k parameters, its rates with them, the k - 1 constraints in addition to the row of
+a step, and the curve in closed form on which its solutions lie while no pair slips.  The first parameter is swept.
 Homotopies lead to a first point of the forced response: at the end of their parameter they are that problem (docs/theory.md,
 section 7).
 """
@@ -30,7 +30,7 @@ class KnownCurve(Protocol):
         """
 
     def holds(self, parameters: tuple[float, ...]) -> bool:
-        """Tell whether the point of the curve at k parameters is a solution.  Collective."""
+        """Return whether the point of the curve at k parameters is a solution.  Collective."""
 
     def on(self, there: Iterate) -> Iterate:
         """Return the point of the curve at the parameters of an iterate.  Local."""
@@ -67,17 +67,17 @@ class Problem(Protocol):
         """The parameters of the contact law that vary, in the order of those of the operating point."""
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
-        """Tell whether k parameters have a meaning: a frequency is above zero, a damping need not be, a law has its values.
+        """Return whether k parameters have a meaning: a frequency is above zero, a damping need not be, a law has its values.
 
         Collective where the law varies.
         """
 
     @property
     def is_constant(self) -> bool:
-        """Whether every value of the parameters has the same solution: one point stands for all."""
+        """Whether every value of the parameters has the same solution: one point represents all."""
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
-        """Return what k parameters stand for.  Local."""
+        """Return the operating point for k parameters.  Local."""
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         """Return how the operating point changes with each of k parameters.  Local."""
@@ -86,7 +86,7 @@ class Problem(Protocol):
         """Name a point in a message, by the parameter that is swept.  Local."""
 
     def without_solution(self, parameter: float, why: str) -> str:
-        """Say that no way led to a first point there, and ``why`` Newton's method did not.  Local."""
+        """Return the error of a branch without a first point; ``why`` is the failure of Newton's method.  Local."""
 
     def with_equation(self, equation: HarmonicBalance) -> Self:
         """Return the same problem with another resolution or hold of the equation.  Local."""
@@ -159,7 +159,7 @@ class ProblemBase:
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """The forced response of a problem while all pairs stick, closed, at fixed values of the parameters beside the swept one."""
+    """The forced response while all pairs stick, closed, at fixed values of the parameters other than the swept one."""
 
     problem: Problem
     fixed_parameters: tuple[float, ...] = ()

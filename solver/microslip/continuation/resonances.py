@@ -1,4 +1,4 @@
-"""Resonances that a step would pass over without a point on them (docs/theory.md, section 7).
+"""Detection of resonances that a step would pass without a point on them (docs/theory.md, section 7).
 
 Far off, a resonance leaves the motion small on both sides and turns it by half a cycle.  With 1 / eta a straight line in the
 frequency, as of one mode, the two ends of a step say how high the motion rises in between.
@@ -39,7 +39,7 @@ def passed_over(solver: PointSolver, now: PointState, there: Iterate) -> float |
 
 
 def stay_stuck(solver: PointSolver, now: PointState, there: Iterate) -> bool:
-    """Tell whether all pairs stick at a point and at the next one: both lie on the linear curve.  Collective if the first does.
+    """Return whether all pairs stick at a point and at the next one: both lie on the linear curve.  Collective if the first does.
 
     That curve is a function of the frequency.  Without damping it may pass through no motion at all, where it turns round as it
     does at a resonance.

@@ -24,7 +24,7 @@ class ResponseSettings:
     tolerance: float = 1e-8
     accuracy: float | None = None  # of the response over its peak; None: harmonics, samples and steps are as stated
     is_corrected: bool = False  # whether the accuracy counts for the corrected amplitude
-    keeps: frozenset[str] = frozenset()  # of harmonics, samples, solver: what is stated beside the accuracy
+    keeps: frozenset[str] = frozenset()  # of harmonics, samples, solver: those stated in addition to the accuracy
     chooses_steps: bool = True  # whether steps follow from the accuracy
     peaks: bool = False  # whether maxima of the outputs are solved for
     stability: bool = False  # whether the multipliers of every point are computed

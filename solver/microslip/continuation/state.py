@@ -1,4 +1,4 @@
-"""The state of a branch between two of its points: values that go into a step and come out of it."""
+"""The state of a branch between two points: input and output of a step."""
 
 from __future__ import annotations
 

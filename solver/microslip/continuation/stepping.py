@@ -1,4 +1,4 @@
-"""Steps from point to point of a branch by arc length, round its corners (docs/theory.md, section 7)."""
+"""Steps from point to point of a branch by arc length, also past corners (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def step(
 
 
 def message(solver: PointSolver, parameter: float, solution: Correction, steps: ArcLength) -> str:
-    """Say that and why a branch ends."""
+    """Return the message of a branch that ends early."""
     advice = "reduce ds_min or ds, or the level" if solver.problem.maximum is None else "the peak is followed no further"
     return (
         f"hb: no convergence beyond {solver.problem.where(parameter)} after {solution.newton} iterations: "

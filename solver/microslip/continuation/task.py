@@ -1,4 +1,4 @@
-"""A branch to be followed: what goes into every step and does not change along the way."""
+"""The task of following a branch: the data of every step that do not change along it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ways on where Newton's method alone does not lead on: one list, tried in its order (docs/theory.md, section 7).
+"""Fallbacks where Newton's method fails: a list, tried in order (docs/theory.md, section 7).
 
 A branch is stuck before its first point, ahead of a point from which no step leads on, or at a solution without digits.  A way
 out takes that and yields solutions, with the solver of the next one.  Its note goes with the point that it leads to.

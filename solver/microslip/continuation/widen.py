@@ -1,4 +1,4 @@
-"""A branch that was followed over a shorter range, taken over into a wider one: what lies before it is followed up to it."""
+"""A branch of a narrower range continued in a wider one: the part before it is followed up to its first point."""
 
 from __future__ import annotations
 

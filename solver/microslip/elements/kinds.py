@@ -116,7 +116,7 @@ def _monomials(n_dim: int, keep) -> np.ndarray:
 
 
 def _serendipity(*exponent) -> bool:
-    """Say whether a monomial's degree, linear factors not counted, is at most 2 (hex20, quad8)."""
+    """Return whether a monomial's degree, linear factors not counted, is at most 2 (hex20, quad8)."""
     return sum(e for e in exponent if e > 1) <= 2
 
 

@@ -111,7 +111,7 @@ def _distance(face: Kind, points, queries, xi) -> np.ndarray:
 
 
 def _starts(face: Kind) -> np.ndarray:
-    """Return points of the reference face from which to look: corners, middles of edges, the centre."""
+    """Return points of the reference face from which a search starts: corners, middles of edges, the centre."""
     corners = face.nodes[: face.n_corners]
     return np.concatenate([corners, (corners + np.roll(corners, -1, axis=0)) / 2.0, corners.mean(axis=0)[None]])
 

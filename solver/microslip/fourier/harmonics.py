@@ -64,7 +64,7 @@ class Harmonics:
 
     @property
     def is_constant(self) -> bool:
-        """Whether there is none above the mean: nothing moves back and forth."""
+        """Whether there are no harmonics above the mean: nothing vibrates."""
         return self.highest == 0
 
     @property
@@ -73,7 +73,7 @@ class Harmonics:
         return self.has_mean and not self.is_constant
 
     def samples(self, n: int) -> int:
-        """Return how many samples a period has that is to have ``n``: of a constant motion one says all."""
+        """Return the number of samples of a period: ``n``, or one for a constant motion."""
         return 1 if self.is_constant else n
 
     @cached_property

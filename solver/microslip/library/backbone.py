@@ -254,7 +254,7 @@ def backbone(
 
     Collective on ``structure.comm``; the same on every rank.
 
-    The loads of the scene do not act; they say at which level a forced response has its phase resonance there.
+    The loads of the scene do not act; they determine the level at which a forced response has its phase resonance there.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def backbone(
     Raises
     ------
     CaseError : no such mode, nothing that vibrates, no joint or no friction, a constant load; on every rank
-    ConvergenceError, ResourceError : on every rank; a branch that ends early says why in ``failure``
+    ConvergenceError, ResourceError : on every rank; ``failure`` has the reason of a branch that ends early
     """
     prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys, has_bars=False, has_curve=False)
     refuse_what_has_none(prepared, mode)
@@ -342,7 +342,7 @@ def _note_on_gaps(n: int) -> list[str]:
 
 
 def comes_to_gross_slip(points: list[ModePoint]) -> bool:
-    """Tell whether friction is past its largest damping ratio, or all pairs have slipped for long, at the last point.  Local."""
+    """Return whether damping by friction is past its maximum, or all pairs have slipped for long, at the last point.  Local."""
     by_friction = [point.damping_by_friction for point in points]
     sticking = [point.amplitude for point in points if (point.state == STICK).any()]
     return by_friction[-1] < PAST * max(by_friction) or points[-1].amplitude > BEYOND * max(sticking, default=np.inf)
@@ -376,7 +376,7 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
 
 
 def supply(problem: NonlinearMode, point: Point) -> float:
-    """Return what the self-excitation supplies to the modes, pi omega (-sigma) sum n^2 |eta_n|^2 [J per cycle].  Local."""
+    """Return the work of the self-excitation on the modes, pi omega (-sigma) sum n^2 |eta_n|^2 [J per cycle].  Local."""
     at = problem.at(point.parameters)
     model = problem.equation.model_at(at)
     p = _forces(model, point)

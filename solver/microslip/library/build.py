@@ -49,7 +49,7 @@ from .settings import reduction_settings
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_OTHER_REST = "other rest"  # of what a structure keeps
+_OTHER_REST = "other rest"  # key of the cached state
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -345,7 +345,7 @@ def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bo
 
 
 def rigid_in_words(n: int, n_motions: int | None) -> str:
-    """Return what a log says of n rigid-body modes, where supports leave ``n_motions`` free; None: matrices.  Local."""
+    """Return the line of a log on n rigid-body modes, where supports leave ``n_motions`` free; None: matrices.  Local."""
     start = "no supports" if n_motions in (None, 6) else "supports leave rigid-body motion free"
     fewer = f"; WARNING: {n_motions} are free of supports; other parts hold the rest" if n_motions not in (None, n) else ""
     return f"{start}: {n} rigid-body mode{'s' * (n > 1)}, exact; mode 1 is the first elastic one{fewer}"

@@ -35,7 +35,7 @@ class Design:
 
     @classmethod
     def paired(cls, values: Mapping[str, ArrayLike]) -> Design:
-        """Return the samples whose numbers stand at the same place of each list.  Local.
+        """Return the samples of numbers at the same place of each list.  Local.
 
         Raises
         ------

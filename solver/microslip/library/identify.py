@@ -163,7 +163,7 @@ def identify(
 
 
 def _least_squares(model: _Model, start: np.ndarray, begin: np.ndarray, edges: np.ndarray) -> Any:
-    """Return what SciPy finds from ``start``, with numbers weakly held at ``begin``.  Collective.  docs/theory.md, eq. (11.8)."""
+    """Return SciPy's solution from ``start``, with numbers weakly held at ``begin``.  Collective.  docs/theory.md, eq. (11.8)."""
     weak = np.diag(WEAK / (edges[1] - edges[0]))
     done = least_squares(
         lambda x: np.concatenate([model.residuals(x), weak @ (x - begin)]),
@@ -291,7 +291,7 @@ class _Model:
         return self._at(x)[1]
 
     def reweigh(self, variance: np.ndarray) -> bool:
-        """Take the ``variance`` of residuals (n_residuals,) into the deviations that are not stated; tell if they change.  Local.
+        """Update unstated deviations by the ``variance`` of residuals (n_residuals,); return whether they change.  Local.
 
         Without stated deviations their ratios alone count, and the largest stays.
         """
@@ -485,7 +485,7 @@ def _spread(model: _Model, done: Any, edges: np.ndarray) -> _Spread:
 
 
 def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, before: Measured) -> Identified:
-    """Return what least squares found, with intervals: docs/theory.md, eq. (11.9)."""
+    """Return the least-squares solution with intervals: docs/theory.md, eq. (11.9)."""
     fitted, keys = model.fitted, tuple(each.varied.key for each in model.fitted)
     spread = _spread(model, done, edges)
     is_seen, free, covariance = spread.is_seen, spread.free, spread.covariance
@@ -493,7 +493,7 @@ def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, b
     dof = len(done.fun) - spread.n_determined
     of_stated = float(np.sum(done.fun[model.is_stated] ** 2)), max(float(free[model.is_stated].sum()), 1.0)
     deviation = np.full(len(keys), np.inf)
-    if dof > 0 or model.is_stated.all():  # otherwise nothing says how far the data are off
+    if dof > 0 or model.is_stated.all():  # otherwise the deviations of the data are unknown
         deviation[is_seen] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     correlation = np.eye(len(keys))
     of_seen = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))

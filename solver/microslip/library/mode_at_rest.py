@@ -134,7 +134,7 @@ def _enclosed(problem: NonlinearMode, low: float) -> float:
 
 
 def moved_by(prepared: Prepared, j: int) -> np.ndarray:
-    """Return the motion of all pairs in mode j, (n_pairs, 3) [kg^-1/2]; 0 where it is rounding beside any mode's.  Local."""
+    """Return the motion of all pairs in mode j, (n_pairs, 3) [kg^-1/2]; 0 where it is rounding relative to any mode's.  Local."""
     k, _ = prepared.model.index_of(1)
     R_phi = np.abs(prepared.model.groups[k].receptance.modes.R_phi)
     moved = R_phi[:, j].reshape(-1, 3)

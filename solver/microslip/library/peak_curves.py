@@ -27,7 +27,7 @@ from .settings import reduction_settings, units_of
 
 @dataclass(frozen=True, eq=False)
 class OverNumber:
-    """A table [[response.over]] made ready: what is followed, and the name and unit of its number."""
+    """A prepared table [[response.over]]: the followed parameter, and name and unit of its number."""
 
     key: str
     unit: str

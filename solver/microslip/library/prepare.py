@@ -23,7 +23,7 @@ from ..scene.schema import Scene
 from .build import Structure
 from .settings import excitation, has_error_bars, reduction_settings, response_settings
 
-_REDUCED = "reduction"  # of what a structure keeps: the last one, with what it depends on
+_REDUCED = "reduction"  # key of the cached reduction, the last one, with its inputs
 
 
 @dataclass(frozen=True, eq=False)

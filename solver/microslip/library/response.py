@@ -205,7 +205,7 @@ class Response:
         return ("level", "point", *_quantity(name).axes)
 
     def unit(self, name: str) -> str:
-        """Return the unit of a quantity, or what its numbers mean.  Local."""
+        """Return the unit of a quantity, or the meaning of its numbers.  Local."""
         return _quantity(name).unit
 
     def array(self, name: str) -> np.ndarray | None:

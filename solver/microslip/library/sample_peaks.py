@@ -1,4 +1,4 @@
-"""Peaks of samples: other numbers in a scene, on a structure that is built again only where they need another one.
+"""Peaks of samples of a scene's numbers; the structure is rebuilt only for numbers that change it.
 
 The scene itself is solved first, along its curve.  Each sample begins at its peak as the samples solved so far have it, and only
 where Newton's method does not come from there to the peak the curve of the sample is followed.  The peak does not depend on where
@@ -101,7 +101,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """A sample made ready: its response problem, of its own law and stiffness, at its level."""
+    """A prepared sample: its response problem, with its law and stiffness, at its level."""
 
     of: ResponseProblem
     level: float
@@ -163,7 +163,7 @@ class SamplePeaks:
         self._prepared: tuple[Any, Prepared] | None = None
         self.solved: list[tuple[np.ndarray, Starts, bool]] = []  # values, motions, whether the mean slip is held
         self._loose: tuple[ReducedModel, bool] | None = None  # whether nothing but the joint holds a body of a model
-        for i in np.flatnonzero(varied.is_factor):  # of no pair of the joint: said before anything is solved
+        for i in np.flatnonzero(varied.is_factor):  # of no pair of the joint: reported before anything is solved
             number_of_joint(scene, structure.pairs, *words_of(varied.keys[i])[1:])
         self.nominal = self._solve_nominal()
 
@@ -388,7 +388,7 @@ class SamplePeaks:
         return equation.gather(equation.contact_forces(U, equation.every_pair, tangents=False).state)
 
     def _is_held_at(self, problem: _Problem, state: np.ndarray) -> bool:
-        """Return whether a curve has its mean slip held there: most pairs slip, and nothing but the joint holds a body."""
+        """Return whether a curve has its mean slip held there: most pairs slip, and a body is supported by the joint alone."""
         comm = problem.of.model.comm
         share = comm.bcast(float((state != STICK).mean()))
         if share < MOSTLY:

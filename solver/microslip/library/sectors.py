@@ -1,4 +1,4 @@
-"""Results by sector of a disc whose sectors may differ, beside the same disc with alike sectors."""
+"""Results by sector of a disc whose sectors may differ, compared with the same disc with alike sectors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers of a scene by which sensitivities are, as sums over those of its pairs."""
+"""Sensitivities by the numbers of a scene: sums over the sensitivities by the values of its pairs."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def damping_key(scene: Scene) -> str:
 
 
 def _damping(scene: Scene) -> list[Varied]:
-    """Return the ratio of all modes where nothing else damps them; else a factor of all their damping."""
+    """Return the ratio of all modes if this is the only damping; otherwise a factor of all their damping."""
     damping, none = scene.damping, np.zeros(0, dtype=int)
     stated = {} if damping is None else {key: value for key, value in damping if value}
     if set(stated) == {"ratio"}:

@@ -95,7 +95,7 @@ class SweepTable:
         return np.array([sample.curve or nothing for sample in self.samples])
 
     def line(self, i: int) -> str:
-        """Return what is said of a sample without a peak."""
+        """Return the message for a sample without a peak."""
         named = ", ".join(f"{key} = {value:.6g}" for key, value in zip(self.design.keys, self.samples[i].values))
         return f"sample {i} ({named}): {self.samples[i].why}"
 
@@ -199,7 +199,7 @@ def sweep(
 
 
 def outside(varied: Varied, design: Design) -> dict[int, str]:
-    """Return the samples that the scene does not allow, with what it says of them.  Local."""
+    """Return the samples that the scene does not allow, with the messages.  Local."""
     refused = {}
     for i, row in enumerate(design.values):
         try:

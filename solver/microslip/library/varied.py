@@ -1,4 +1,4 @@
-"""Numbers of a scene that vary from sample to sample, and what of a structure each of them leaves as it is.
+"""Numbers of a scene that vary from sample to sample, and which parts of a structure remain valid for each.
 
 level                                               the operating point alone
 joints.NAME.friction, preload, gap                  the contact law; with [statics] friction and preload make another rest
@@ -95,7 +95,7 @@ class Varied:
 
 
 def setting(key: str, value: float) -> str:
-    """Return KEY=VALUE of a number, a whole one without a point: a scene may ask for that.  Local."""
+    """Return KEY=VALUE of a number, whole numbers without a point, as some keys of a scene require.  Local."""
     text = str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
     return f"response.levels=[{text}]" if key in LEVELS else f"{key}={text}"
 
@@ -132,7 +132,7 @@ def load_factors(scene: Scene, other: Scene) -> np.ndarray:
 
 
 def _kind(scene: Scene, key: str, keep_modes: bool) -> Kind:
-    """Return what a number belongs to."""
+    """Return the kind of a number."""
     if key in LEVELS:
         return "level"
     words = words_of(key)
@@ -183,7 +183,7 @@ def _number(scene: Scene, key: str) -> tuple[float, bool]:
 
 
 def _is_of_file(scene: Scene, words: list[str]) -> bool:
-    """Tell whether a key is a number of a joint whose pairs have theirs from a file."""
+    """Return whether a key is a number of a joint whose pairs have theirs from a file."""
     if words[0] != "joints" or len(words) != 3 or words[2] not in LAW_NAMES or scene.statics is not None:
         return False
     joint = next((joint for joint in scene.joints if joint.name == words[1]), None)

@@ -121,7 +121,7 @@ class WearingJoint:
 
         Raises
         ------
-        CaseError : no worn pair is pressed at rest that would tell the depth of a jump
+        CaseError : no wearing pair has a normal force at rest, by which the depth of a jump is chosen
         """
         pairs, wear = self.structure.pairs, self.wear
         pressed = (self.per_energy > 0.0) & (pairs.N0 > 0.0)

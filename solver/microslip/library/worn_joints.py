@@ -1,4 +1,4 @@
-"""The joints of a structure over their life: the library's function for wear (docs/theory.md, section 18)."""
+"""The wear of the joints of a structure over many cycles: the library's function for wear (docs/theory.md, section 18)."""
 
 from __future__ import annotations
 

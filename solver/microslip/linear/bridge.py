@@ -1,4 +1,4 @@
-"""Whether the program's own bridge to MUMPS is there; without it PETSc calls MUMPS for every factor (other_package.py)."""
+"""Availability of the compiled bridge to MUMPS; without it PETSc calls MUMPS for every factor (other_package.py)."""
 
 import ctypes
 import importlib

@@ -44,7 +44,7 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
 
 
 def wave_matrix(A: PETSc.Mat) -> WaveMatrix | None:
-    """Return what a matrix of one nodal diameter is made of; None of a matrix with entries.  Local."""
+    """Return the factors of a matrix of one nodal diameter; None for a matrix with entries.  Local."""
     return A.getPythonContext() if A.getType() == "python" else None
 
 

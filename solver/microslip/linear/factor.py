@@ -159,14 +159,14 @@ class Factor:
         self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
 
     def destroy(self) -> None:
-        """Free the factor; once more does nothing.  Collective."""
+        """Free the factor; a second call does nothing.  Collective."""
         if self._solver is not None:
             self._solver.destroy()
             self._solver = None
 
     @property
     def solver(self) -> DirectSolver:
-        """What holds the factor.  Local; CaseError once it is freed, where MUMPS would end the process."""
+        """The solver that holds the factor.  Local; CaseError once it is freed, where MUMPS would end the process."""
         if self._solver is None:
             raise CaseError("the structure is closed, and its factor is freed; build it again, or close it after all responses")
         return self._solver

@@ -1,4 +1,4 @@
-"""Why a stiffness matrix is singular: which part of the structure moves freely, and how.
+"""Diagnosis of a singular stiffness matrix: which part of the structure moves freely, and how.
 
 Motions are measured by z^T A z / z^T D z with D = diag(A): no units, 0 for a motion without any strain, some 1e-5 for the
 softest motion of a fine mesh that is held, 1e-12 if only springs a million times softer than the structure hold it.
@@ -37,7 +37,7 @@ _OF_REST = (
 
 
 def is_singular(A: PETSc.Mat, diagonal: np.ndarray, solver: DirectSolver) -> bool:
-    """Return whether the factor's softest motion strains nothing, ``diagonal`` (n_owned,) that of A.
+    """Return whether the factor's softest motion is without strain, ``diagonal`` (n_owned,) that of A.
 
     Collective: one pass over the factor.
 
@@ -77,7 +77,7 @@ def explain_singular(A: PETSc.Mat, system: System | None, what: str) -> NoReturn
 
 
 def _free_motions(A: PETSc.Mat, system: System | None, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return diag(A) and the motions Z that strain nothing, (n_owned, n), n > 0, Z^T D Z = 1.
+    """Return diag(A) and the motions Z without strain, (n_owned, n), n > 0, Z^T D Z = 1.
 
     Collective.
 
@@ -124,7 +124,7 @@ def _refuse(A: PETSc.Mat, diagonal: np.ndarray, Z_owned: np.ndarray, system: Sys
 
 
 def _at_rest(system: System | None) -> str:
-    """Say that the stress at rest is part of a stiffness, where it is.  Local."""
+    """Return the remark that the stress at rest is part of a stiffness, where it is.  Local."""
     return _OF_REST if getattr(system, "rest_owned", None) is not None else ""
 
 

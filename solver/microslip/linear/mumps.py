@@ -1,4 +1,4 @@
-"""A direct factorisation by MUMPS: its options, its retries when memory is short, its failures in words, its solves."""
+"""A direct factorisation by MUMPS: options, retries when memory is short, messages of failures, solves."""
 
 from __future__ import annotations
 
@@ -241,7 +241,7 @@ def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[
     """
     start, factor = perf_counter(), _started(A, prefix, DEFINITE)
     try:
-        for number in range(1, 5):  # says nothing of what it does not take; the controls of the factor come with it
+        for number in range(1, 5):  # ignores unknown options silently; the controls of the factor come with it
             factor.mumps.set_icntl(number, 0)
         code = factor.saved(folder, RESTORE)
     except MicroslipError:  # on every rank

@@ -26,7 +26,7 @@ class Order:
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """What is known of the order in which a symmetric matrix is eliminated before it is factored."""
+    """The elimination order of a symmetric matrix, before it is factored."""
 
     last: np.ndarray | None = None  # (m,) rows that come last: those of a joint
     order: Order | None = None  # the whole order, from a factor of a matrix with the same pattern

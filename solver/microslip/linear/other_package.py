@@ -1,4 +1,4 @@
-"""A direct factorisation through PETSc's own interface to a package: solves, and nothing beyond them.
+"""A direct factorisation through PETSc's interface to a package: solves only, no entries of the inverse, nothing on disk.
 
 It is MUMPS where the program was built without the bridge to it, or another package where the options ask for one.
 """
@@ -189,7 +189,7 @@ def _attempt(ksp: PETSc.KSP, prefix: str, what: str, *, is_inertia: bool, more: 
 
 @dataclass(frozen=True)
 class Reports:
-    """MUMPS' reports by their numbers, as PETSc hands them on."""
+    """MUMPS' reports by their numbers, from PETSc."""
 
     factor: PETSc.Mat
 

@@ -46,7 +46,7 @@ def usual_folder() -> str:
 
 
 def write_to_disk(comm: MPI.Comm, mumps: Instance, folder: str) -> None:
-    """Make an analysed factor one that MUMPS keeps on disk, in a new folder of its own in ``folder``.  Collective on ``comm``.
+    """Store an analysed factor on disk by MUMPS, in a new folder within ``folder``.  Collective on ``comm``.
 
     The folder goes when the factor is freed, or else when the program ends, however it does but by being killed.
     """
@@ -77,7 +77,7 @@ def _folders() -> list[str]:
 
 
 def _is_on_disk(folder: str) -> bool:
-    """Return whether a folder is there, may be written, and lies on no file system that is itself memory.  Local."""
+    """Return whether a folder exists, may be written, and is not on a file system in memory.  Local."""
     path = Path(folder).resolve()
     mounts = {Path(place): kind for place, kind in _mounts()}
     kind = next((mounts[parent] for parent in (path, *path.parents) if parent in mounts), "")

@@ -64,7 +64,7 @@ class RigidModes:
 
 
 def rigid_modes(A: PETSc.Mat, M: PETSc.Mat, motions_owned: np.ndarray) -> RigidModes | None:
-    """Return the motions (n_owned, m) that strain nothing as M-orthonormal modes; None where there is none.
+    """Return the motions (n_owned, m) without strain as M-orthonormal modes; None where there is none.
 
     Collective.  Dependent motions count once.
     """
@@ -145,7 +145,7 @@ class InertiaRelief:
         self._prepare(len(diagonal))
 
     def _prepare(self, n_owned: int) -> None:
-        """Solve for what is the same for all right-hand sides: unit forces at the springs, and inertia forces."""
+        """Solve for unit forces at the springs and inertia forces, common to all right-hand sides."""
         n = self.rigid.n
         E_owned = np.zeros((n_owned, n))
         E_owned[self._owned, self._columns] = self.springs[self._columns]
@@ -184,7 +184,7 @@ class InertiaRelief:
         return self._relieved(self.solver.solve(B) - inertia)
 
     def _relieved(self, X_owned: np.ndarray) -> np.ndarray:
-        """Return solutions without what the springs carry, and without rigid-body motion."""
+        """Return solutions without the contributions of the springs and of rigid-body motion."""
         X_owned = X_owned + self.Y_owned @ self._weights(self._seen(X_owned))
         return np.asfortranarray(self.rigid.elastic(X_owned))
 

@@ -1,4 +1,4 @@
-"""Static solutions of softly held structures: their share of modes far below the response's frequencies, made exact.
+"""Static solutions of softly supported structures: exact contributions of modes far below the response's frequencies.
 
 docs/theory.md, section 4, "Softly held structures".  A structure held at 1 Hz and excited at 400 Hz has static solutions that
 are almost all rigid-body motion, 1 / omega_k^2, which the same mode's dynamic share takes away again.  Rounding in the factor

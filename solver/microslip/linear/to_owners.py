@@ -1,4 +1,4 @@
-"""Rows that lie where a solver left them, sent to the ranks that own them."""
+"""Redistribution of a solver's rows to the ranks that own them."""
 
 import numpy as np
 from mpi4py import MPI

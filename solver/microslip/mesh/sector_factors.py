@@ -34,7 +34,7 @@ class SectorFactors:
 
     @property
     def contact_that_differs(self) -> str:
-        """The first of what differs in contact, in words; "" where nothing does."""
+        """The first quantity of the contact that differs, in words; "" where nothing does."""
         return next((name.replace("_", " ") for name in _OF_PAIRS if (getattr(self, name) != 1.0).any()), "")
 
     @property

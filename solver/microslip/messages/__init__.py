@@ -1,1 +1,1 @@
-"""What the program says: errors with their exit status, and words for messages."""
+"""Errors with their exit status, and helpers for the text of messages."""

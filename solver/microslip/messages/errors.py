@@ -50,7 +50,7 @@ class Faults:
                 self._faults.append(fault)
 
     def refuse(self) -> None:
-        """Raise what was collected: one fault as it is, several as SeveralErrors; nothing where there is none.  Local."""
+        """Raise the collected faults: one as it is, several as SeveralErrors; do nothing where there is none.  Local."""
         if len(self._faults) == 1:
             raise self._faults[0]
         if self._faults:

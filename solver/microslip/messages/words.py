@@ -1,4 +1,4 @@
-"""Lists, near misses and points in messages."""
+"""Text of messages: lists, similar names, coordinates."""
 
 import difflib
 import re

@@ -252,7 +252,7 @@ class _Partners:
         self._forget((same[0] if len(same) else n_converged) + 1)
 
     def next_vector(self) -> np.ndarray:
-        """Return what would be the next vector of the basis, (n_owned, 1): the last column.  Local."""
+        """Return the next vector of the basis, (n_owned, 1): the last column.  Local."""
         last = self._basis.getSizes()[1] - 1
         column = self._basis.getColumn(last)
         next_owned = column.getArray().copy()[:, None]

@@ -92,7 +92,7 @@ class RunLog:
     # -- lines -------------------------------------------------------------------------------------------------
 
     def note(self, text: str, *, on_screen: bool = True, keep: bool = True) -> None:
-        """Write plain lines.  Local; rank 0 writes.  Without ``keep`` results.h5 does not have them."""
+        """Write plain lines.  Local; rank 0 writes.  Without ``keep`` they are not stored in results.h5."""
         if keep:
             self.notes.append(text)
         self._write(("\n" if self._unfinished else "") + text + "\n")

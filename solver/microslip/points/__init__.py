@@ -1,1 +1,1 @@
-"""A converged point of a curve: its quantities, the branch of many, their range, which pairs may slip at the next."""
+"""A converged point and its quantities, the branch of points, its range, and the pairs that may slip at the next point."""

@@ -1,4 +1,4 @@
-"""A place on a curve where its stability changes, or where it turns back."""
+"""A bifurcation: a point of a curve where its stability changes, or where it turns back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The record of a branch: what continuation hands on to the results."""
+"""The record of a branch: the result of continuation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Floquet multipliers on record: how many, and which are unstable.  NumPy only."""
+"""Recorded Floquet multipliers: how many, and which are unstable.  NumPy only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A maximum of an output on a curve, solved for as a point of its own."""
+"""A peak: a maximum of an output on a curve, solved for."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ PEAK_QUANTITIES = (*declared(Peak), Quantity("damping", "", "1", _DAMPING, field
 
 
 def top_of_curve(omega: np.ndarray, amplitude: np.ndarray) -> tuple[float, float]:
-    """Return frequency and amplitude at the top of a curve, from its highest point and the two beside it.  Local.
+    """Return frequency and amplitude at the top of a curve, from its highest point and its two neighbours.  Local.
 
     1 / amplitude^2 is taken as quadratic in omega^2, which is exact for one undisturbed resonance.  The highest point itself is
     returned at an end of the curve, where it turns back at its top, and where the top would be twice as high.

@@ -88,7 +88,7 @@ class Quantity:
         return tuple(lengths[axis] for axis in self.axes)
 
     def array(self, points: list, lengths: dict[str, int]) -> np.ndarray | None:
-        """Return what is stored of all points, (n, ...), with zeros for the harmonics that some lack; None as the class says."""
+        """Return the stored values of all points, (n, ...), zeros for missing harmonics; None where the class allows it."""
         values, shape = [self.of(point) for point in points], self.shape(lengths)
         if self.optional and (not values or any(value is None for value in values)):
             return None

@@ -1,4 +1,4 @@
-"""Derivatives of the outputs on record: by which numbers, and their amplitudes and phases.  NumPy only."""
+"""Recorded derivatives of the outputs: the numbers, and the derivatives of amplitudes and phases.  NumPy only."""
 
 from __future__ import annotations
 

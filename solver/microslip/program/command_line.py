@@ -108,7 +108,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
 
 
 def is_swept(text: str) -> bool:
-    """Tell whether KEY=VALUE has a list or a range in place of a value of a scene, or is a level, no key of a scene.  Local."""
+    """Return whether KEY=VALUE has a list or a range in place of a value of a scene, or is a level, no key of a scene.  Local."""
     key, _, value = (part.strip() for part in text.partition("="))
     return (
         key == "level"

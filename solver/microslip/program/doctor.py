@@ -169,7 +169,7 @@ def _mumps() -> str:
 
 
 def _without_bridge() -> str:
-    """Return why MUMPS is called through PETSc's interface, or nothing."""
+    """Return the reason why MUMPS is called through PETSc's interface, or an empty text."""
     from ..linear.bridge import missing
     from ..messages.errors import CaseError
 

@@ -18,7 +18,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known of a method before it reduces a structure."""
+    """Properties of a method, known before it reduces a structure."""
 
     coordinates: Callable[[ReductionSettings, Counts], int]  # largest number of unknowns per harmonic coefficient
     makes_basis: bool = False  # of vectors of the whole structure, all in memory at the same time

@@ -195,7 +195,7 @@ class Disk:
 
 
 class Journal:
-    """A file to which records are appended after its first ``keep`` bytes; the remainder is truncated.
+    """A file to which records are appended after its first ``keep`` bytes; later bytes are truncated.
 
     When ``append`` returns, the operating system has the record, which survives the process; soon after it is on the disk and
     survives the machine.

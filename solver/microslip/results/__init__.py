@@ -1,1 +1,1 @@
-"""What a run leaves behind: frf.csv, results.h5, pictures, fields for ParaView, the energy audit."""
+"""The results of a run: frf.csv, results.h5, pictures, fields for ParaView, the energy audit."""

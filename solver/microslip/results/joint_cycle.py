@@ -1,4 +1,4 @@
-"""What the pairs of a joint do during a cycle: pressure, friction force, sliding.  NumPy only; every function is local."""
+"""The pairs of a joint during a cycle: pressure, friction force, sliding.  NumPy only; every function is local."""
 
 from __future__ import annotations
 

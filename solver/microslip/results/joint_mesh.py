@@ -1,4 +1,4 @@
-"""The joint as a mesh of its own in space: a polygon for each pair and face, or a point for each pair.  NumPy and SciPy only."""
+"""The joint as a separate mesh in space: a polygon for each pair and face, or a point for each pair.  NumPy and SciPy only."""
 
 from __future__ import annotations
 

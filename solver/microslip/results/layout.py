@@ -1,4 +1,4 @@
-"""Where the axes of a page stand: margins by the letters of their labels, which matplotlib's layouts measure twice over."""
+"""Positions of the axes of a page: margins from the lengths of their labels, faster than matplotlib's layout engines."""
 
 from __future__ import annotations
 

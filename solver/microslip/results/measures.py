@@ -33,7 +33,7 @@ class Shown:
         return np.abs(self.of(coefficients))
 
     def where(self, frequency: float, digits: int = 7) -> str:
-        """Return where a point is [Hz]; nothing where it stands for every frequency."""
+        """Return the frequency of a point [Hz]; None where it represents every frequency."""
         return "" if self.is_static else f"{frequency:.{digits}g} Hz"
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Where results come from: with the scene, options and versions all that is needed to compute them again."""
+"""Provenance of results: with the scene, options and versions all that is needed to recompute them."""
 
 from __future__ import annotations
 

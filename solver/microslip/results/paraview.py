@@ -1,4 +1,4 @@
-"""Results as series that ParaView plays: a period at the peak of each level, joint by level, modes, state of rest."""
+"""Results as time series for ParaView: a period at the peak of each level, joint by level, modes, state of rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Peaks that were solved for as points of their own: marked in the curves, and drawn over the level."""
+"""Pictures of solved peaks: marked in the curves, and drawn over the level."""
 
 from __future__ import annotations
 

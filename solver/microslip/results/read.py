@@ -184,7 +184,7 @@ def _joint(reader: Reader) -> Joint:
 
 
 def _names(reader: Reader, group: str) -> list[str]:
-    """Return what a group holds that need not be there."""
+    """Return the optional contents of a group."""
     return sorted(reader.group(group)) if group in reader else []
 
 

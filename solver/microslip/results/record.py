@@ -116,7 +116,7 @@ class Wear:
         return np.maximum(np.nan_to_num(self.N0), 0.0)
 
 
-_OPEN = "1 where a pair is open at rest and no spring stands for it"
+_OPEN = "1 where a pair is open at rest, without springs"
 _FRAME = "rows x, y (tangential), z (from body 2 into body 1)"
 
 

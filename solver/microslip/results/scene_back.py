@@ -1,4 +1,4 @@
-"""The scene of a result file as a scene file again, that can be run where it stands."""
+"""The scene of a result file written back as a scene file that can be run."""
 
 from __future__ import annotations
 

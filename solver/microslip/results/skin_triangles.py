@@ -55,7 +55,7 @@ def _renumbered(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _clustered(points: np.ndarray, most: int) -> np.ndarray:
-    """Return for each point the one that stands for its cube of a grid, (n,); the grid has at most ``most`` cubes with points."""
+    """Return for each point the representative of its cube of a grid, (n,); the grid has at most ``most`` cubes with points."""
     low, size = points.min(axis=0), np.ptp(points, axis=0).max()
     fine, coarse = size / 1e4, size
     for _ in range(24):

@@ -39,7 +39,7 @@ def mark_bifurcations(ax, level: LevelResult, output: int, factor: float, colour
 
 
 def stability_handles(results: ResultFile) -> list[Line2D]:
-    """Return what a legend says of the stability of curves: of what there is."""
+    """Return the legend entries on the stability of curves, for the kinds that occur."""
     levels, handles = results.solved, []
     if any(level.stable is not None and not level.stable.all() for level in levels):
         handles.append(Line2D([], [], color=INK, lw=1.2, ls=DASHES, label="unstable"))

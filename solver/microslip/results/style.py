@@ -1,4 +1,4 @@
-"""The looks that all pictures share: fonts, colours, units, headings, grids of panels.  No pyplot, no global state."""
+"""The common style of all pictures: fonts, colours, units, headings, grids of panels.  No pyplot, no global state."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class Titled(Protocol):
 
 
 class PageFigure(Figure):
-    """A figure that looks the same wherever it is drawn, and that a notebook shows, without pyplot."""
+    """A figure with the same style everywhere, which a notebook shows, without pyplot."""
 
     def draw(self, renderer) -> None:
         """Draw with the settings of the program."""

@@ -1,4 +1,4 @@
-"""frf.csv: one row a converged point and output, on the disk as soon as the point is."""
+"""frf.csv: one row for each converged point and output, written to disk with the point."""
 
 from __future__ import annotations
 
@@ -96,6 +96,6 @@ class ResponseTable:
             self.close()
 
     def close(self) -> None:
-        """Write what is left and close the file."""
+        """Write the remaining rows and close the file."""
         with file_errors(self.path):
             self._file.close()

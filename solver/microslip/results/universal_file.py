@@ -161,5 +161,5 @@ def _double(value: float) -> str:
 
 
 def _digits(value: float) -> str:
-    """Return a frequency in 13 columns with as many digits as they hold: six, as the format would, tell no sharp peak."""
+    """Return a frequency in 13 columns with as many digits as they hold: six, as in the format, do not resolve a sharp peak."""
     return next(text for digits in range(12, 4, -1) if len(text := f"{value:.{digits}g}") < 13).rjust(13)

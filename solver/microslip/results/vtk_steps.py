@@ -1,4 +1,4 @@
-"""Series in time for ParaView, one VTKHDF file each: a mesh that stays, and fields at every step.  Rank 0 only."""
+"""Time series for ParaView, one VTKHDF file each: a constant mesh, and fields at every step.  Rank 0 only."""
 
 from __future__ import annotations
 
@@ -111,6 +111,6 @@ def _write_series(root: h5py.Group, data: str, size: int, n: int, values_at: At)
 
 
 def _stays(root: h5py.Group, data: str, names: Sequence[str], n: int) -> None:
-    """Say that these fields are the same at all steps."""
+    """Mark fields that are the same at all steps."""
     for name in names:
         root.create_dataset(f"Steps/{data}Offsets/{name}", data=np.zeros(n, dtype="i8"))

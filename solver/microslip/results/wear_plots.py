@@ -1,4 +1,4 @@
-"""Pictures of wear: what drifts over the cycles, and depth and pressure on the joint."""
+"""Pictures of wear: amplitude, frequency, damping and forces over the cycles, and depth and pressure on the joint."""
 
 from __future__ import annotations
 

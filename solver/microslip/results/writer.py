@@ -1,4 +1,4 @@
-"""Write results as they come: a row of frf.csv a point, results.h5 at the end of every level."""
+"""Write results during the run: a row of frf.csv for each point, results.h5 at the end of every level."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _write_origin(group: h5py.Group, origin: Origin) -> None:
 
 
 def common(units: list[str]) -> str:
-    """Return the unit that all outputs have, or where it is said.  Local."""
+    """Return the unit common to all outputs, or where it is stated.  Local."""
     return units[0] if len(set(units)) == 1 else "that of outputs/unit"
 
 

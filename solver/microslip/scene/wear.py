@@ -1,4 +1,4 @@
-"""The table [wear]: what wears a joint, over how many cycles, at which response."""
+"""The table [wear]: wear law, number of cycles, and the response that wears the joint."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""How the contact forces of pairs vary in the steps of a periodic motion (docs/theory.md, section 16).
+"""Variation of the contact forces of pairs in the steps of a periodic motion (docs/theory.md, section 16).
 
 Within a step a variation of the motion is linear, d0 at its begin and d1 at its end.  The forces need not be: where a slider
 begins to slip they jump.  They count with their value at the end, and as the linear course that has their mean and their first

@@ -1,1 +1,1 @@
-"""What the program needs of one machine: processes, files, signals, limits; no MPI."""
+"""Services of one machine: processes, files, signals, limits; no MPI."""

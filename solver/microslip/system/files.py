@@ -1,4 +1,4 @@
-"""Files that are either whole or not there, and what to say when the disk refuses.  Rank 0 only."""
+"""Atomic writing of files, and the messages of disk errors.  Rank 0 only."""
 
 import errno
 import os
@@ -126,7 +126,7 @@ def remove_folders() -> None:
 def refuse_devices(path: str | os.PathLike[str]) -> None:
     """Raise CaseError for a pipe, a socket or a device, whose reading may never end.  Local.
 
-    A folder, and what is not there, is for those to say who open it.
+    A folder or a missing file is reported by the function that opens it.
     """
     try:
         mode = os.stat(path).st_mode

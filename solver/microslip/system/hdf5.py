@@ -1,4 +1,4 @@
-"""HDF5 files on disks that fill up: HDF5 never meets the error, after which it would crash when the program ends.
+"""HDF5 files on disks that fill up: write errors are hidden from HDF5, which would crash at the end of the program.
 
 Imports h5py, which nothing else in this room needs.
 """

@@ -1,4 +1,4 @@
-"""How much memory is left to this process, by machine, control group and limit, and what it has.  Local."""
+"""Memory available to this process, by machine, control group and limit, and memory in use.  Local."""
 
 import ctypes
 import os
@@ -62,7 +62,7 @@ def _of_c_library(name: str) -> Callable[..., int] | None:
 
 
 def resident_memory() -> float:
-    """Return what this process has in memory [bytes]; 0 where nothing tells.  Local."""
+    """Return the resident memory of this process [bytes]; 0 where unknown.  Local."""
     try:
         return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, IndexError, ValueError):
@@ -75,7 +75,7 @@ def peak_memory() -> float:
 
 
 def memory_left_here() -> float:
-    """Return what this process may still take if no other one takes more [bytes]; infinite where nothing tells.  Local."""
+    """Return the memory available to this process if no other one takes more [bytes]; infinite where unknown.  Local."""
     return min((limit.available for limit in limits_here("machine", "process", resident_memory())), default=float("inf"))
 
 
@@ -87,7 +87,7 @@ def lack_of_memory(needed: float) -> str | None:
 
 
 def bounded_by_machine(limit: int) -> int:
-    """Return a limit for the memory of a call [bytes], at most what is left here.  Local."""
+    """Return a limit for the memory of a call [bytes], at most the available memory.  Local."""
     return int(min(limit, max(_LEAST, memory_left_here())))
 
 
@@ -99,7 +99,7 @@ def limits_here(machine: str, process: str, resident: float, root: Path = Path("
 
     Parameters
     ----------
-    machine, process : what tells processes of one machine, and this one, from others
+    machine, process : identify the machine and this process
     resident : bytes that the ranks of this machine have together
     root : where /proc and /sys are found
     """
@@ -110,7 +110,7 @@ def limits_here(machine: str, process: str, resident: float, root: Path = Path("
 
 
 def _machine(root: Path) -> Iterator[float]:
-    """Yield what the machine has left [bytes], if it tells."""
+    """Yield the available memory of the machine [bytes], if known."""
     for line in _lines(root / "proc/meminfo"):
         if line.startswith("MemAvailable:"):
             yield 1024.0 * float(line.split()[1])
@@ -148,7 +148,7 @@ def _mounted(root: Path) -> Iterator[tuple[int, PurePosixPath, PurePosixPath]]:
 
 
 def _used(folder: Path, version: int) -> float:
-    """Return what a group uses [bytes], without files kept in memory that it gives up for others."""
+    """Return the memory in use by a group [bytes], without its reclaimable page cache."""
     entries = dict(line.split()[:2] for line in _lines(folder / "memory.stat"))
     cached = sum(float(entries.get(name, 0.0)) for name in _CACHED_FILES[version])
     used = _number(folder / _USED[version])
@@ -156,7 +156,7 @@ def _used(folder: Path, version: int) -> float:
 
 
 def _slurm() -> Iterator[tuple[str, float]]:
-    """Yield what Slurm grants the job on this machine [bytes], if it tells: not every site has control groups."""
+    """Yield Slurm's limit for the job on this machine [bytes], if stated: not every site has control groups."""
     try:
         node, cpu = (float(os.environ.get(f"SLURM_MEM_PER_{unit}", 0.0)) for unit in ("NODE", "CPU"))
         total = node or cpu * float(os.environ.get("SLURM_CPUS_ON_NODE", 0.0))

@@ -1,4 +1,4 @@
-"""Numbers, texts, arrays and dataclasses as bytes, which may come from a process that nobody trusts: none of them is executed."""
+"""Numbers, texts, arrays and dataclasses as bytes, safe to read from an untrusted process: nothing is executed."""
 
 import json
 import sys

@@ -30,11 +30,11 @@ _DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG
 
 
 class SandboxError(Exception):
-    """The process ended before it had answered; the text says how, for messages."""
+    """The process ended without an answer; the text has the reason, for messages."""
 
 
 class LibraryError(Exception):
-    """The function raised what is no error of this program; the text says what."""
+    """The function raised an exception that is no error of this program; the text has it."""
 
 
 def read_file(
@@ -64,7 +64,7 @@ def call(
     processor: int | None = None,
     returns: Iterable[type] = (),
 ) -> Any:
-    """Return ``function(*arguments)`` from a sandbox, which nothing else leaves.  Local.
+    """Return ``function(*arguments)`` from a sandbox; only plain data leave it.  Local.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What signals ask of the program: to save and go on (SIGUSR1), or to save and stop (SIGTERM, SIGINT, SIGHUP).
+"""Signals: SIGUSR1 saves and continues; SIGTERM, SIGINT and SIGHUP save and stop.
 
 Under Open MPI's mpirun SIGUSR1 reaches all ranks; any of the others makes it send SIGTERM to them, a second later, and kill
 them another second later.  Schedulers that start the ranks themselves send to all of them.
@@ -39,7 +39,7 @@ class Answer:
 
 
 def obey_signals(is_first: bool = True) -> None:
-    """Make signals ask for what this module says; one that the caller ignores, as nohup does, stays ignored.  Local.
+    """Install the handlers of this module; a signal that the caller ignores, as nohup does, stays ignored.  Local.
 
     To be called again after PETSc has started, which takes SIGPIPE.  The rank that saves ``is_first`` to stop:
     if another one did, the first would wait for it in the midst of a library, where no signal is answered.
@@ -105,7 +105,7 @@ def ignore_signals() -> None:
 
 
 def is_stopping() -> bool:
-    """Return whether a signal that stops has arrived, and this process is on its way out.  Local."""
+    """Return whether a stopping signal has arrived and this process is ending.  Local."""
     return _Requests.to_stop is not None
 
 
@@ -140,7 +140,7 @@ def parting_words() -> str:
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Do the block to its end also when a signal asks to stop meanwhile: it is obeyed after the block.  Local."""
+    """Complete the block before a signal to stop takes effect.  Local."""
     _Requests.n_holding += 1
     before = _Requests.to_stop
     try:

@@ -1,4 +1,4 @@
-"""The first moments of a process, while what it needs is imported: on a cluster that may take a minute.  Local.
+"""The start of a process, before its libraries are imported, which may take a minute on a cluster.  Local.
 
 This module imports next to nothing, so that signals are answered from the first line on.
 """
@@ -16,13 +16,13 @@ _LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
 
 
 def launcher_rank() -> int:
-    """Return this process's rank as its launcher tells it: known before MPI starts, and without MPI.  Local."""
+    """Return this process's rank from the variables of its launcher, before or without MPI.  Local."""
     ranks = [os.environ[name] for name in _LAUNCHERS if os.environ.get(name, "").isdigit()]
     return int(ranks[0]) if ranks else 0
 
 
 def too_little_address_space() -> str | None:
-    """Return what to say where a limit leaves no room for the program's libraries: they would be taken for missing.  Local."""
+    """Return the message for an address space too small for the libraries; an empty text if it suffices.  Local."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     needed = ADDRESS_SPACE_OF_ONE if _n_ranks() == 1 else ADDRESS_SPACE_OF_SEVERAL
     if limit == resource.RLIM_INFINITY or limit >= needed:
@@ -35,7 +35,7 @@ def too_little_address_space() -> str | None:
 
 
 def _n_ranks() -> int:
-    """Return the number of ranks as the launcher tells it.  Local."""
+    """Return the number of ranks from the variables of the launcher.  Local."""
     sizes = [
         os.environ[name] for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_NTASKS") if os.environ.get(name, "").isdigit()
     ]
@@ -61,7 +61,7 @@ def open_streams() -> None:
 
 
 def stop_at_once() -> None:
-    """Let signals that stop end the process at once, as there is nothing to save, and one that asks to save pass.  Local.
+    """Let stopping signals end the process at once, as there is nothing to save, and ignore the signal to save.  Local.
 
     Until signals.py answers them.  One that the caller ignores stays ignored.  A rank that is not the first puts off a signal
     that stops: the first, which writes the message, may not have started.

@@ -1,4 +1,4 @@
-"""Versions of what a run uses, for the log and the result file."""
+"""Versions of the program and its libraries, for the log and the result file."""
 
 import hashlib
 import platform
@@ -84,7 +84,7 @@ def mumps_version() -> str | None:
 
 
 def loaded_libraries() -> str:
-    """Return the files that this process has loaded, as text; empty where the system does not tell.  Local."""
+    """Return the files that this process has loaded, as text; empty where unknown.  Local."""
     try:
         with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
             return maps.read()

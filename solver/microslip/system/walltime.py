@@ -1,4 +1,4 @@
-"""How long the program may run: what the command line says, or the scheduler of a cluster.  Local."""
+"""The time limit of a run: that of the command line, or of the scheduler of a cluster.  Local."""
 
 import json
 import os
@@ -17,14 +17,14 @@ Query = Callable[[list[str]], str]
 
 @dataclass(frozen=True)
 class TimeLimit:
-    """The time that is left, and who says so."""
+    """The remaining time, and its source."""
 
     seconds: float  # left at ``since``
     source: str
     since: float = field(default_factory=time.monotonic)
 
     def __reduce__(self):
-        """Say to another machine what is left: its clock counts from elsewhere."""
+        """Pickle the remaining time: the monotonic clock of another machine has another origin."""
         return TimeLimit, (self.remaining, self.source)
 
     @property
@@ -51,7 +51,7 @@ def seconds_of(text: str) -> float | None:
 def time_limit(
     requested: float | None, environment: Mapping[str, str] = os.environ, query: Query | None = None
 ) -> TimeLimit | None:
-    """Return the time left: the shorter of what is ``requested`` for [s] and what a scheduler allows; None: nothing limits it."""
+    """Return the time limit: the shorter of the ``requested`` one [s] and that of a scheduler; None: no limit."""
     limits = [TimeLimit(requested, f"--walltime, {requested:g} s")] if requested is not None else []
     for scheduler in (_slurm, _pbs):
         limit = scheduler(environment, query or _query)
@@ -86,7 +86,7 @@ def _pbs(environment: Mapping[str, str], query: Query) -> tuple[float, str] | No
 
 
 def _pbs_remaining(answer: str) -> float | None:
-    """Return what is left by qstat's words on one job."""
+    """Return the remaining time from qstat's output for one job."""
     try:
         (job,) = json.loads(answer)["Jobs"].values()
         total = seconds_of(job["Resource_List"]["walltime"])
@@ -99,7 +99,7 @@ def _pbs_remaining(answer: str) -> float | None:
 
 
 def _query(command: list[str]) -> str:
-    """Return what a command says, or nothing if there is none, it fails or takes too long."""
+    """Return the output of a command, empty if it is missing, fails or takes too long."""
     try:
         result = subprocess.run(
             command, capture_output=True, text=True, timeout=_PATIENCE, check=False, stdin=subprocess.DEVNULL, errors="replace"

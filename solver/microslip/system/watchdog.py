@@ -1,4 +1,4 @@
-"""The watch over a program that may wait for ever: first its stacks, then its end, on every rank by itself.
+"""The watchdog of a program that may hang: it first writes the stacks, then ends the process, on each rank separately.
 
 A rank that waits for another may be in a library that holds Python's lock, where no thread of Python runs and no signal is
 answered in Python.  So a timer of the system sends SIGALRM, and faulthandler answers it at once with the stacks; later its own
@@ -22,7 +22,7 @@ PATIENCE = 12.0  # times as long during a single call that gives no sign while i
 
 
 class _Watch:
-    """What the watch of this process knows."""
+    """The state of the watchdog of this process."""
 
     limit = 0.0  # s; 0: there is none
     patience = 1.0  # times the limit: what holds now
@@ -56,7 +56,7 @@ def _stated() -> float:
 
 
 def show_stacks() -> None:
-    """Write the stacks of all threads to standard error after a crash, and whenever SIGUSR2 asks.  Local.
+    """Write the stacks of all threads to standard error after a crash, and on SIGUSR2.  Local.
 
     After PETSc has started: its own answer to a crash, which ends all ranks, then follows the stacks.
     """
@@ -67,7 +67,7 @@ def show_stacks() -> None:
 
 
 def moved() -> None:
-    """Notify the watchdog that this rank goes on.  Local; frequent calls cost almost nothing."""
+    """Notify the watchdog that this rank makes progress.  Local; frequent calls cost almost nothing."""
     if _Watch.limit and time.monotonic() - _Watch.moved_at > 0.01 * _Watch.limit:
         _set()
 

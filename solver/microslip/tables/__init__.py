@@ -1,1 +1,1 @@
-"""The tables that say what a structure is made of and what acts on it: frozen, one class each for all rooms."""
+"""The tables of a structure and of the loads on it: frozen, one class each for all rooms."""

@@ -1,4 +1,4 @@
-"""The table [statics]: what acts before the structure vibrates."""
+"""The table [statics]: constant loads before the vibration."""
 
 from collections.abc import Mapping
 from typing import ClassVar

@@ -11,7 +11,7 @@ QUANTITIES = ("friction", "preload", "gap", "contact_stiffness", "stiffness", "d
 
 
 class SectorFactors(Table):
-    """[[cyclic.sector]]: what the values of one sector are over those of the model."""
+    """[[cyclic.sector]]: factors of the values of one sector relative to those of the model."""
 
     number: Number = Field(description="the number of the sector, from 0, that of the model")
     friction: NotNegative = Field(1.0, description="a factor of the friction coefficients, a number of at least 0")

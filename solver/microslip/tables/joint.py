@@ -1,4 +1,4 @@
-"""A table [[joints]]: where bodies touch, and what the contact law takes."""
+"""A table [[joints]]: its surfaces, and the parameters of its contact law."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _check_directions(joint: Mapping[str, Any], key: str) -> None:
 
 
 def _check_rough(joint: Mapping[str, Any]) -> None:
-    """Raise ValueError where rough surfaces carry nothing at rest, or their power is half stated."""
+    """Raise ValueError where rough surfaces have no pressure at rest, or their power law is incompletely stated."""
     if joint["preload"] == "static" and joint["exponent"] is None:
         raise ValueError(
             f'preload = "static": the exponential of law = {_quoted(ROUGH)} has no approach at which nothing presses; state '
@@ -168,7 +168,7 @@ class Joint(Table):
 
     @property
     def values_of_law(self) -> dict[str, float | None]:
-        """What its law takes beside the values that every joint has."""
+        """The parameters of its law in addition to those of every joint."""
         pairs = {key: getattr(self, key) for key in ("friction", "tangential_stiffness")}
         along_y = {f"{key}_y": value[1] for key, value in pairs.items() if isinstance(value, tuple)}
         return {**{key: getattr(self, key) for key in OWN}, **along_y, "start": self.start}

@@ -1,4 +1,4 @@
-"""How a scene names matrices: a file, or a matrix in a file, "model.mat:K"."""
+"""Names of matrices in a scene: a file, or a matrix in a file, "model.mat:K"."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What elements take of a body: its material with axes in the model, density and quadrature."""
+"""The data of a body that its elements use: material with axes in the model, density, quadrature."""
 
 from ..elements import Anisotropic, Cylindrical, Directions, Isotropic, SolidSection
 from .elasticity import elasticity_of

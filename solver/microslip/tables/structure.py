@@ -1,4 +1,4 @@
-"""The tables that say what a structure is made of: its model file, materials, bodies, supports and connections."""
+"""The tables of a structure: model file, materials, bodies, supports and connections."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""All tables of a structure together: what mesh and assembly take.  A scene is one, and says beside it what is solved for."""
+"""All tables of a structure together, the input of mesh and assembly.  A scene adds the tables of the solution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every table is made of: no key that it does not know, the kinds of numbers that keys take, their units in model files."""
+"""The base class of all tables: no unknown keys, the kinds of numbers of keys, their units in model files."""
 
 from collections.abc import Mapping
 from itertools import pairwise

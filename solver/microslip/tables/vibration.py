@@ -177,7 +177,7 @@ def _each_mode_once(pairs: tuple[tuple[int, float], ...]) -> tuple[tuple[int, fl
 
 
 class Damping(Table):
-    """[damping]: of every mode, of some by number, or Rayleigh's; structural damping beside it."""
+    """[damping]: of every mode, of some by number, or Rayleigh's; structural damping in addition."""
 
     ratio: float | None = Field(None, ge=0, lt=1, description="the ratio to critical damping, a number of at least 0 and below 1")
     rayleigh: tuple[NotNegative, NotNegative] | None = Field(

@@ -54,7 +54,7 @@ def _difference(pairs: March, z: Motion, p: np.ndarray, root: np.ndarray) -> np.
 
 
 def _rate(changes: list[float]) -> float:
-    """Return the factor a period of a geometric sequence fitted to the last changes; 0 where the last is nothing."""
+    """Return the factor a period of a geometric sequence fitted to the last changes; 0 where the last is zero."""
     n = max(LEAST_FITTED, int(np.ceil(FITTED * len(changes))))
     last = np.array(changes[-n:])
     if not np.all(last > 0.0) or len(last) < 2:

@@ -1,4 +1,4 @@
-"""Known parameters of the keywords that are taken over, and their full forms."""
+"""Supported parameters of the keywords, and their full forms."""
 
 from .cards import Card
 

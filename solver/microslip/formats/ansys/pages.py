@@ -35,7 +35,7 @@ _PAGE = re.compile(
 def without_pages(read: Callable[[str], FileModel]) -> Callable[[str], FileModel]:
     """Return a reader that reads a file, or a copy of it without the page headers of a listing.  Local.
 
-    The reader raises MeshError as ``read`` does; where there were headers, it says that lines are counted without them.
+    The reader raises MeshError as ``read`` does; if there were headers, the message adds that lines are counted without them.
     """
     return wraps(read)(partial(_read_plain, read=read))
 

@@ -1,4 +1,4 @@
-"""The words and tables of a report as HTML.  Whatever comes from a user's file passes through ``escape``."""
+"""The text and tables of a report as HTML.  All text from a user's file passes through ``escape``."""
 
 from collections.abc import Iterable, Sequence
 from html import escape

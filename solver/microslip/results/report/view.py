@@ -1,4 +1,4 @@
-"""What the views in space show: the outer surface, its motions and shapes, and the joint in it, packed for the page."""
+"""Data of the three-dimensional views: the outer surface, its motions and shapes, and the joint, packed for the page."""
 
 import base64
 from collections.abc import Sequence

@@ -87,7 +87,7 @@ def on_screen(result: Identified) -> str:
 
 
 def in_words(result: Identified) -> list[str]:
-    """Return what is to be said of an identification, in lines."""
+    """Return the lines on an identification."""
     lines = [] if result.is_converged else [
         f"least squares has not converged within {result.evaluations} evaluations: values and intervals are those of the last; "
         "fit fewer numbers, narrow their bounds or begin nearer"

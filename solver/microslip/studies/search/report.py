@@ -161,7 +161,7 @@ def ended(result: Search) -> list[str]:
 
 
 def draw(result: Search, scene: Titled, path: str) -> None:
-    """Draw the solutions beside the curve of the level and the curves through others.  Local."""
+    """Draw the solutions, the curve of the level, and the curves through other solutions.  Local."""
     followed = [solution.curve for solution in result.solutions if solution.curve is not None]
     shown = np.concatenate([result.curve.amplitude[:, 0], [solution.amplitude[0] for solution in result.solutions]])
     factor, unit = with_prefix(shown, result.units[0])

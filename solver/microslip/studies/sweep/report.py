@@ -1,4 +1,4 @@
-"""A sweep as tables and pictures: sweep.csv, sweep.h5, and what suits its design.  Rank 0 only."""
+"""A sweep as tables and pictures: sweep.csv, sweep.h5, and the pictures of its design.  Rank 0 only."""
 
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ _STATES = (DONE, FAILED, OUTSIDE, MISSING)
 
 
 def write_sweep(table: SweepTable, scene: Scene, folder: Path, has_indices: bool = False) -> str:
-    """Write the files of a sweep; return what is said of it on the screen.  Local.
+    """Write the files of a sweep; return the text for the screen.  Local.
 
     Raises
     ------

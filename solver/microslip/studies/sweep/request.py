@@ -1,4 +1,4 @@
-"""What the command line of a sweep states: lists and ranges, scatter, a table of samples; and the design that follows."""
+"""The options of a sweep: lists and ranges, scatter, a table of samples; and the resulting design of samples."""
 
 import csv
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Samples on disk: each is stored when it is solved, one line of JSON, by a key of everything that it depends on.
+"""Samples on disk: each is stored when it is solved, as a line of JSON with a key of all its inputs.
 
     samples/all-0.jsonl, ...        of each group of ranks; of part 3 of a job array samples/3-0.jsonl, ...
 

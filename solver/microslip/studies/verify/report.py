@@ -131,7 +131,7 @@ def verdict(checks: Sequence[Check]) -> str:
 
 
 def of_disturbances(checks: Sequence[Check]) -> str:
-    """Return a line on the points whose disturbance behaves as the multipliers say; nothing if none was disturbed.  Local."""
+    """Return a line on the points whose disturbance agrees with the multipliers; an empty text if none was disturbed.  Local."""
     watched = [check for check in checks if not np.isnan(check.growth)]
     if not watched:
         return ""

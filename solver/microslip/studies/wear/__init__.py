@@ -1,1 +1,1 @@
-"""Wear of joints over cycles: depth, preload, and what drifts with them."""
+"""Wear of joints over cycles: depth, preload, and the drift of the response."""

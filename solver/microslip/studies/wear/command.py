@@ -75,7 +75,7 @@ def follow_to_the_end(wearing: WearingJoint, progress: Progress, log: RunLog) ->
 
 
 def _still(wearing: WearingJoint, last: State) -> str:
-    """Return what is to be said of a joint of which no pair slides."""
+    """Return the message for a joint of which no pair slides."""
     where = f"at {wearing.level:g} {wearing.units.level}"
     if last.number == 0:
         return (
