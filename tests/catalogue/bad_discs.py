@@ -136,7 +136,11 @@ def differing(name: str, more: str, *words: str) -> Case:
 
 DIFFER = [
     disc(
-        "factors of one sector for all", WAVE, f"{WAVE}\n{SECTOR}friction = 0.5", "sector says how sectors differ", "whole = true"
+        "factors of one sector for all",
+        WAVE,
+        f"{WAVE}\n{SECTOR}friction = 0.5",
+        "sector states how sectors differ",
+        "whole = true",
     ),
     differing("sector beyond the last", "[[cyclic.sector]]\nnumber = 5", "sector 5 is stated; 5 sectors have the numbers 0 to 4"),
     differing("sector stated twice", SECTOR + SECTOR, "sector 1 is stated twice"),

@@ -128,7 +128,7 @@ def test_the_folder_of_a_run_stands_for_its_results(tmp_path):
         ("run fan.toml -- -options_file x", "-options_file: not an option of this program's solvers"),
         (
             "run fan.toml -- --out x",
-            "--out: not an option of this program's solvers; they begin with -static_, -modes_ or -hb_; --out stands before --",
+            "--out: not an option of this program's solvers; they begin with -static_, -modes_ or -hb_; put --out before --",
         ),
         ("run fan.toml -- -hb_", "-hb_: not an option"),
         ("run fan.toml -- x -hb_snes_monitor", "'x' after --: an option's name is missing before it"),

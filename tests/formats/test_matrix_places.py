@@ -47,16 +47,11 @@ def text_of(folder, name, text):
             "scene.toml",
             "node = 18",
             "position = [0.0, 0.0, 0.2]",
-            "position: nobody tells where the nodes are; state [model] nodes",
+            "position: the positions of the nodes are unknown; state [model] nodes",
         ),
         ("scene.toml", "node = 18\ndirection = [1.0, 0.0, 0.0]", "dof = 36", "dof = 36: the matrices have DOFs 0 to 35"),
         ("scene.toml", "node = 18", 'point = "a"', "a model given as matrices has no nodes"),
-        (
-            "scene.toml",
-            "[model]",
-            '[model]\ndofs = "pairs.csv"',
-            "the matrix's own file says which node and direction its rows are",
-        ),
+        ("scene.toml", "[model]", '[model]\ndofs = "pairs.csv"', "the file of the matrix states node and direction of its rows"),
         ("scene.toml", NODE_PAIRS, SURFACES, "surfaces: belongs to a mesh; with matrices, give pairs"),
         (
             "scene.toml",
@@ -111,7 +106,7 @@ def test_nodes_without_rows_and_rows_without_nodes(tmp_path):
     text_of(tmp_path, "none.csv", "x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n12,13,14,0,1,2,0.3,1.0,0.0,1.0,1.0\n")
     change(path, "node = 17\ndirection = [1.0, 0.2, 0.0]", "dof = 0")
     change(path, "node = 18\ndirection = [1.0, 0.0, 0.0]", "dof = 1")
-    with pytest.raises(CaseError, match="nobody tells which rows belong to which nodes; state \\[model\\] dofs"):
+    with pytest.raises(CaseError, match="the nodes of the rows are unknown; state \\[model\\] dofs"):
         structure(path)
     change(path, "nodes = ", 'dofs = "dofs.csv"\nnodes = ')
     with pytest.raises(CaseError, match="nodes.csv, line 3: node 5 appears twice"):

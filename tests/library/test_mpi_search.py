@@ -87,7 +87,7 @@ def test_a_whole_disc_has_the_wave_of_one_sector(shared_path):
     how |= {"name": "whole", "wave": {"engine_order": 1, "whole": True}}
     whole = on_root(COMM, lambda: write_sector(shared_path, 3, END.format(modes=54), **how))
     with microslip.build(microslip.read(one), COMM) as of_one, microslip.build(microslip.read(whole), COMM) as of_all:
-        with pytest.raises(CaseError, match="one sector knows only waves"):
+        with pytest.raises(CaseError, match="one sector represents only waves"):
             microslip.search(of_one, 1715.0)
         curve = microslip.respond(of_one).level(20.0)
         i = int(np.argmin(np.abs(curve.frequency - 1715.0)))

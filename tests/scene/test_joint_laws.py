@@ -90,7 +90,7 @@ def test_joints_of_three_laws_side_by_side(folder):
         (ROUGH.replace("preload = 1e6", "preload = 0.0"), "preload = 0: rough surfaces that carry nothing have no stiffness"),
         (
             ROUGH.replace("preload = 1e6", 'preload = "static"'),
-            'preload = "static": the exponential of law = "rough" has no approach at which nothing presses; state in Pa',
+            'preload = "static": the exponential of law = "rough" has a pressure at every approach; state in Pa',
         ),
         (ROUGH + "exponent = 2.0\n", "exponent without roughness_pressure: a power takes both"),
         (ROUGH + "roughness_pressure = 1e6\n", "roughness_pressure without exponent: a power takes both"),

@@ -115,12 +115,12 @@ def _check_dofs(tables: StructureTables, n_dof: int, places: Places | None) -> N
                 continue
             if entry.dof is None:
                 raise CaseError(
-                    f"{tables.path}: [[{table}]] {i}: the files of the matrices tell no nodes; state [model] dofs, or name a dof"
+                    f"{tables.path}: [[{table}]] {i}: the files of the matrices have no nodes; state [model] dofs, or name a dof"
                 )
             if entry.dof >= n_dof:
                 raise CaseError(f"{tables.path}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
     if places is None and any(joint.pairs is None for joint in tables.joints):
-        raise CaseError(f"{tables.path}: [[joints]] node_pairs: the files of the matrices tell no nodes; state [model] dofs")
+        raise CaseError(f"{tables.path}: [[joints]] node_pairs: the files of the matrices have no nodes; state [model] dofs")
 
 
 def _is_elsewhere(entry: Load | Output) -> bool:

@@ -48,7 +48,7 @@ class Places:
             if len(lost):
                 raise CaseError(
                     f"{self.mesh.path}: joint {pairs.joint[0]!r}: node {self.mesh.numbers[lost[0]]} has no row in the matrices "
-                    f"({len(lost)} such nodes); what is held is ground, and what was condensed needs [model] recovery"
+                    f"({len(lost)} such nodes); fixed nodes are ground, and condensed nodes need [model] recovery"
                 )
         return self.on_rows(pair_map(pairs, self.dof, self.expand.shape[0]))
 
@@ -71,7 +71,7 @@ class Places:
         """Return the nodes that a load or an output names, index into ``mesh.points``."""
         group = getattr(entry, "group", None)
         if entry.position is not None and not np.isfinite(self.mesh.points).all():
-            raise CaseError(f"{where} position: nobody tells where the nodes are; state [model] nodes, or name a node")
+            raise CaseError(f"{where} position: the positions of the nodes are unknown; state [model] nodes, or name a node")
         if group is not None and group not in self.mesh.node_groups:
             known = ", ".join(self.mesh.node_groups) or "none; [model] nodes = a mesh file brings them"
             raise CaseError(f"{where} group = {group!r}: there is no such group; known: {known}")
@@ -108,8 +108,8 @@ def read_places(tables: StructureTables, given: DofMap | None, n_dof: int) -> Pl
     if dofs is None and recovered is None:
         if tables.model.nodes is not None:
             raise CaseError(
-                f"{tables.path}: [model] nodes: nobody tells which rows belong to which nodes; state [model] dofs, or give "
-                "the matrices in a format that says so"
+                f"{tables.path}: [model] nodes: the nodes of the rows are unknown; state [model] dofs, or give "
+                "the matrices in a format that states them"
             )
         return None
     expand = sp.identity(n_dof, format="csr")
@@ -133,7 +133,7 @@ def dofs_of_rows(path: Path | None, given: DofMap | None, n_rows: int, key: str)
     if path is None:
         return None if given is None else _once(given, "the matrix's own file")
     if given is not None:
-        raise CaseError(f"{path}: [model] {key}: the matrix's own file says which node and direction its rows are; leave it out")
+        raise CaseError(f"{path}: [model] {key}: the file of the matrix states node and direction of its rows; leave it out")
     columns, lines = read_table(path, ("node", "direction"), what="row")
     table = np.column_stack([columns["node"], columns["direction"]])
     wrong = np.flatnonzero((table % 1.0).any(axis=1) | (table[:, 1] < 0) | (table[:, 1] > 6) | (abs(table[:, 0]) > 2.0**53))

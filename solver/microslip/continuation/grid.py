@@ -161,7 +161,7 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
         stepped = step(solver, earlier, before, now, ds, GRID_STEPS)
         solution, ds = stepped.solution, stepped.ds
     where = (task.problem.where(parameter) for parameter in (omega, start))
-    raise ConvergenceError("hb: {} not reached along the branch from {}; ask for frequencies closer to each other".format(*where))
+    raise ConvergenceError("hb: {} not reached along the branch from {}; state frequencies closer to each other".format(*where))
 
 
 @dataclass

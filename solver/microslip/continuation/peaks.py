@@ -291,8 +291,8 @@ def about_a_peak(
 ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
     """Return the derivatives of amplitude, phase and frequency [Hz] of a peak, (3, n_numbers, n_pairs) and (3, n_common).
 
-    Collective.  docs/theory.md, eq. (11.7): from those of two solutions, one on each side, much nearer than the half-power ``width``
-    [rad/s].  None where none rises before the peak and falls behind it.
+    Collective.  docs/theory.md, eq. (11.7): from those of two solutions, one on each side, much nearer than the half-power
+    ``width`` [rad/s].  None where none rises before the peak and falls behind it.
     """
     every, n_out = solver.equation.every_pair, solver.equation.model.n_outputs
     rows, size, force = [output, n_out + output], solver.norm(there.U) or 1.0, solver.force(there, every)

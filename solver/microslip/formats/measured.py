@@ -112,7 +112,7 @@ def measured_of(
     """Return columns by name, (n,) each, as measured rows.  Local.  CaseError as :func:`read_measured`."""
     given = {name.strip().lower(): values for name, values in columns.items()}
     if len(given) < len(columns):
-        raise CaseError(f"{where}: a column stands there twice; {_expected()}")
+        raise CaseError(f"{where}: a column appears twice; {_expected()}")
     n = len(next(iter(given.values()), ()))
 
     def numbers(name: str) -> np.ndarray:
@@ -166,7 +166,7 @@ def _checked(measured: Measured, where: str, levels: Sequence[float], unit: str)
         raise CaseError(f"{where}: there is neither an amplitude nor a phase; {_expected(unit)}")
     if (missing := np.isnan(measured.level)).any():
         if len(levels) != 1:
-            raise CaseError(f"{where}: the scene has {len(levels)} levels, and no column level_N says of which a row is")
+            raise CaseError(f"{where}: the scene has {len(levels)} levels, and no column level_N states that of a row")
         measured = replace(measured, level=np.where(missing, levels[0], measured.level))
     for name, values in (("level", measured.level), ("amplitude", measured.amplitude), ("sigma", measured.deviation)):
         if (values <= 0.0).any():

@@ -128,7 +128,7 @@ def _in_SI(
         level = float(levels[0])
     else:
         raise CaseError(
-            f"{where}: the scene has {len(levels)} levels, and no Z-axis value (data type 13) says of which it is; "
+            f"{where}: the scene has {len(levels)} levels, and no Z-axis value (data type 13) states its level; "
             "keep one level in the scene"
         )
     return H * of_level / of_unit.get(unit, float(factors["length"])), level

@@ -99,7 +99,7 @@ def _field_header(section: bytes) -> tuple[str | None, int, int]:
     lines = [[line() for _ in range(int(line()))] for _ in range(3)]  # strings, real numbers, integers
     whole = [int(word) for word in lines[2]]
     if len(whole) < 3 or whole[2] < 0 or not lines[0]:
-        raise MeshError("the file is damaged: $NodeData does not say how many nodes it holds")
+        raise MeshError("the file is damaged: $NodeData does not state its number of nodes")
     return lines[0][0].strip('"') if whole[1] == 1 else None, whole[2], at
 
 

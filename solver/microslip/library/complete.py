@@ -206,9 +206,9 @@ def _refuse_unknown_units(scene: Scene, part: str) -> None:
     """Raise CaseError if quantities with units are used from a file for which only the length unit is stated."""
     if part not in ("ties", "supports", "bodies", "equations") and scene.model.units is None and scene.model.scale != 1.0:
         raise CaseError(
-            f"{scene.path}: [model] scale tells the length of {scene.model.mesh} alone, and its {part} have units, too; state "
-            f"units = {listed([repr(name) for name in UNITS], 'or')} in place of scale, or state {part} in the scene and leave "
-            "them out of [model] take"
+            f"{scene.path}: [model] scale states the length unit of {scene.model.mesh} alone, and its {part} have units, too; "
+            f"state units = {listed([repr(name) for name in UNITS], 'or')} in place of scale, or state {part} in the scene and "
+            "leave them out of [model] take"
         )
 
 

@@ -443,7 +443,7 @@ def _peaks_near(
             peak = near.peak(of, level, int(k))
             there = None if isinstance(peak, str) else near.at(peak, comm)
         if isinstance(peak, str) or there is None or peak.by_pairs is None or peak.by_common is None:
-            why = peak if isinstance(peak, str) else "no solutions beside it"
+            why = peak if isinstance(peak, str) else "no solutions next to it"
             raise ConvergenceError(f"at {level:g} N, output {k + 1}, the peak near {frequency:.6g} Hz: {why}")
         known[key] = there
         cos, sin = comm.bcast(peak.point.response[k, 1:3])

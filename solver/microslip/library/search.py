@@ -139,8 +139,8 @@ def refuse_what_has_one(scene: Scene) -> None:
         raise CaseError(f"{where}: the scene has no [[joints]]: its response is linear, one solution at each frequency")
     if scene.cyclic is not None and not scene.cyclic.whole:
         raise CaseError(
-            f"{where}: [cyclic]: one sector knows only waves, and other solutions of a disc need not be waves; state whole = "
-            "true in [cyclic]"
+            f"{where}: [cyclic]: one sector represents only waves, and other solutions of a disc need not be waves; state "
+            "whole = true in [cyclic]"
         )
 
 

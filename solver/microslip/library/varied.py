@@ -158,7 +158,7 @@ def _number(scene: Scene, key: str) -> tuple[float, bool]:
         return max(scene.response.levels), False
     words, of_file = words_of(key), False
     if len(words) < 2:
-        raise CaseError(f"{scene.source}: sweep: {key!r} is no key; expected one as joints.dovetail.friction, or level")
+        raise CaseError(f"{scene.source}: sweep: {key!r} is not a key; expected for example joints.dovetail.friction, or level")
     try:
         with_settings(scene, [f"{key}=1"])
     except CaseError as problem:

@@ -90,7 +90,7 @@ def factorise(
     if not is_requested(prefix) and PETSc.Options(prefix).getInt(f"mat_mumps_icntl_{_ON_DISK}", 0) == 1:
         raise CaseError(
             f"-{prefix}mat_mumps_icntl_{_ON_DISK} 1: factors on disk need the bridge to MUMPS, which is not in use (microslip "
-            f"doctor says why); install MUMPS' headers and microslip again, or let {VARIABLE} go"
+            f"doctor shows the reason); install MUMPS' headers and microslip again, or let {VARIABLE} go"
         )
     matrix = A if shift is None else _shifted(A, *shift)
     memory = None if is_requested(prefix) else foreseen(matrix, prefix)

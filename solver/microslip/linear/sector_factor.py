@@ -302,7 +302,7 @@ class _Inertia:
         if info["code"] in mumps.SINGULAR or info["null"] > 0:
             raise ConvergenceError(
                 f"modes: K_L - sigma M of the sector is singular at sigma = {sigma:.6e} rad2/s2, so that its negative pivots "
-                "prove nothing; ask for one [solver] mode more or less"
+                "prove nothing; state one [solver] mode more or less"
             )
         self.n_between = info["negative"]
         self.folded = on_root(of_sector.comm, _Folded.of, S, of_sector.boundary, share=False)

@@ -88,9 +88,7 @@ def lowest_modes(
     if allows_fewer:
         n_modes = min(n_modes, n_dof)
     if not 1 <= n_modes <= n_dof:
-        raise CaseError(
-            f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; ask for 1 to {n_dof} modes"
-        )
+        raise CaseError(f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; state 1 to {n_dof} modes")
     eigenvalues, phi_owned, info = _solve(linearised, n_modes, 1 if allows_fewer else n_modes, verify, search)
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, eigenvalues, phi_owned))
     order = np.argsort(eigenvalues)
@@ -197,7 +195,7 @@ def _solve(
         search.renew(max(missing, _GUARD))
     raise ConvergenceError(
         f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
-        "found; ask for more [solver] modes"
+        "found; state more [solver] modes"
     )
 
 
@@ -231,7 +229,7 @@ def _checked(
         )
     skewness = float(np.max(np.abs(gram(linearised.system.comm, phi_owned, forces[1]) - np.eye(len(eigenvalues)))))
     if not skewness <= 1e-8:
-        raise ConvergenceError(f"modes: |phi^H M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
+        raise ConvergenceError(f"modes: |phi^H M phi - I| = {skewness:.1e}, limit 1e-8; state fewer [solver] modes")
     return eigenvalues, phi_owned, info | {"residual": float(np.max(residual))}
 
 

@@ -52,6 +52,6 @@ def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: Order | None 
     if info["code"] in SINGULAR or info["null"] > 0:
         raise ConvergenceError(
             f"modes: K_L - sigma M is singular at sigma = {sigma:.6e} rad2/s2, so that its negative pivots prove "
-            "nothing; ask for one [solver] mode more or less"
+            "nothing; state one [solver] mode more or less"
         )
     return info["negative"]

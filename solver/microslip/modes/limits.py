@@ -24,11 +24,11 @@ def refuse_too_many(n_modes: int | None, n_dof: int, path: object) -> None:
     where = f"{path}: [solver] modes = {n_modes}"
     if n_modes > n_dof:
         raise CaseError(
-            f"{where}: the structure has only {n_dof} degrees of freedom, and as many modes; ask for 1 to "
+            f"{where}: the structure has only {n_dof} degrees of freedom, and as many modes; state 1 to "
             f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs"
         )
     raise CaseError(
         f"{where}: more than a third of the {n_dof} modes there are. That takes full matrices of {n_dof} x {n_dof} "
-        f"({8e-9 * n_dof**2:.2g} GB each) and up to hours, and cannot be interrupted; ask for at most "
+        f"({8e-9 * n_dof**2:.2g} GB each) and up to hours, and cannot be interrupted; state at most "
         f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs"
     )

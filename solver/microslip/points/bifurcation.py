@@ -11,7 +11,7 @@ from .quantities import Quantity, declared, hertz
 
 FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCHING = KINDS = ("fold", "period doubling", "Neimark-Sacker", "branch point")
 _KINDS = ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS))
-_WITHIN = "width of the interval that it lies in; that of the neighbouring points where it was not solved for"
+_WITHIN = "width of the interval that contains it; that of the neighbouring points where it was not solved for"
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,16 +47,16 @@ _NEWTON = "Newton iterations; 0 where the predictor is the solution, as on the l
 _ENDS = "0 from the start, 1 from the other end of the range"
 _SEGMENT = f"{_ENDS}, where the first ended early"
 _HARMONICS = "the highest that it was solved with; arrays are as wide as the most, with zeros"
-_COS_SIN = "cosine and sine of harmonic 1 with the correction that the error bar knows of"
+_COS_SIN = "cosine and sine of harmonic 1 with the correction computed with the error bar"
 _PARTS = "parts of the error bar, in the order of the attribute `parts`"
 _STABLE = "1 where the motion is stable, 0 where a small disturbance grows; empty without `stability`"
-_OF_LARGEST = "Floquet multiplier of largest modulus, beside those of sliders that never slip"
+_OF_LARGEST = "Floquet multiplier of largest modulus, without those of sliders that never slip"
 _MULTIPLIERS = (
     Column("largest_multiplier", f"modulus of the {_OF_LARGEST}", lambda values: np.hypot(*values[0])),
     Column("multiplier_real", f"the {_OF_LARGEST}", lambda values: values[0, 0]),
     Column("multiplier_imaginary", f"the {_OF_LARGEST}", lambda values: values[0, 1]),
 )
-_LARGEST = "Floquet multipliers by falling modulus, beside those of sliders that never slip"
+_LARGEST = "Floquet multipliers by falling modulus, without those of sliders that never slip"
 _NEUTRAL = "sliders that never slip, whose multipliers are 1 and no instability"
 _BY_PAIRS = "derivatives of cosine and sine of harmonic 1 by numbers of each pair, in the order of the attribute `numbers`"
 _BY_COMMON = "those by the level, a factor of the damping and the frequency [rad/s], in the order of the attribute `common`"

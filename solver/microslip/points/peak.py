@@ -10,7 +10,7 @@ import numpy as np
 from .quantities import Quantity, declared, hertz
 
 _WIDTH = "between the two places at 1 / √2 of the amplitude; NaN where the curve does not reach them"
-_WITHIN = "width of the interval that the maximum lies in; 0 where the slope of the curve is zero"
+_WITHIN = "width of the interval that contains the maximum; 0 where the slope of the curve is zero"
 _DAMPING = "damping ratio of one mode of this half-power width, width / (2 frequency); NaN where that is not known"
 _BY_PAIRS = "derivatives of amplitude, phase [rad] and frequency [Hz] of the peak by the numbers of each pair, as of a point"
 _BY_COMMON = "those by the level and a factor of the damping; the last column is 0"

@@ -223,7 +223,7 @@ def _unknown(argument: str, command: _Parser) -> str:
     name = argument.split("=")[0]
     if name.startswith("-"):
         known = [option for action in command._actions for option in action.option_strings]
-        return f"unknown option {name}{hint(name, known, str)}; {command.prog} knows {listed(known)}"
+        return f"unknown option {name}{hint(name, known, str)}; {command.prog} has {listed(known)}"
     return f"{argument!r} is one argument too many; usage: {command.usage}"
 
 
@@ -255,7 +255,7 @@ def _with_prefix(name: str) -> str:
     """Return a hint for an option without one of the prefixes."""
     first, _, rest = name.partition("_")
     if name == "out":
-        return "; --out stands before --"
+        return "; put --out before --"
     places = {"eps": "modes_", "st": "modes_", "snes": "hb_", "ksp": "hb_", "mat": "static_", "pc": "static_"}
     if first in places:
         return f"; perhaps -{places[first]}{name}"

@@ -52,7 +52,7 @@ def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
         return ""
     return (
         f"; WARNING: they end at {last:.6g} Hz, within the range up to {highest:.6g} Hz: resonances between may be missing, "
-        "and error bars do not know of them"
+        "and error bars do not include them"
     )
 
 
@@ -76,7 +76,7 @@ def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
             if chosen is not None:
                 return chosen, why
     modes = stuck.lowest_modes(n_computed, search=search)
-    return stuck.with_modes(modes), f"modes: {n_computed}, the most the program picks by itself"
+    return stuck.with_modes(modes), f"modes: {n_computed}, the largest number that the program chooses"
 
 
 def _bound(stuck: StuckStructure, settings: ReductionSettings) -> TruncationBound:
@@ -131,7 +131,7 @@ def _out_of_reach(bound: np.ndarray, settings: ReductionSettings) -> int:
     if settings.insists:
         raise CaseError(
             f"{settings.where}: [solver] accuracy = {settings.accuracy:g}: {n_modes} modes reach about "
-            f"{bound[n_modes - 1]:.1e}, and the program picks no more by itself; ask for that, or state modes"
+            f"{bound[n_modes - 1]:.1e}, and the program chooses no more; state that accuracy, or modes"
         )
     return n_modes
 

@@ -65,7 +65,7 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
         shifted.destroy()
         raise CaseError(
             f"{settings.where}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
-            f'modes, all of which method = "{settings.method}" needs; ask for {n_rigid} modes at least'
+            f'modes, all of which method = "{settings.method}" needs; state {n_rigid} modes at least'
         )
     return FreeBodies(shifted, alpha, free.omega_n**2 - alpha, free.phi_owned)
 
@@ -128,7 +128,7 @@ def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nd
             return Z_owned
     raise ConvergenceError(
         f"attachment modes: change {np.max(change / size):.1e} after {_MOST_ROUNDS} rounds, limit "
-        f"{_CONVERGED:.0e}; ask for more [solver] modes"
+        f"{_CONVERGED:.0e}; state more [solver] modes"
     )
 
 

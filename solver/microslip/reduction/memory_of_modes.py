@@ -41,7 +41,7 @@ def refuse_modes(K_L: PETSc.Mat, factor: Factor, settings: ReductionSettings) ->
     ResourceError : on every rank
     """
     needed = memory_of_modes(K_L, settings, factor.info.get("memory"))
-    advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
+    advice = "state fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
     if settings.verify_modes:
         advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
     refuse_beyond(

@@ -123,7 +123,7 @@ def draw_rest(results: ResultFile) -> Pages:
     most = max(pressure.max(initial=0.0), 1e-300)
     known = f"pressure up to {most:.4g} MPa, {(N > 0.0).sum()} of {np.count_nonzero(~without)} pairs closed"
     heads = (
-        (pressure / most, N > 0.0, "pressure: this law knows none" if without.all() else known),
+        (pressure / most, N > 0.0, "pressure: not defined by this law" if without.all() else known),
         (friction, (N > 0.0) | without, f"friction over its limit: up to {friction.max(initial=0.0):.3g}"),
     )
     grey = matplotlib.colors.to_rgba(_NO_LOSS)

@@ -491,8 +491,8 @@ def _worn_joint(scene: Scene, wear: Wear, joint: Joint) -> list[str]:
         ]
     if scene.statics is not None and isinstance(joint.preload, float) and joint.preload > 0.0:
         return [
-            f"{where} states preload = {joint.preload:g} with [statics]: no load says what presses it, or how that yields to "
-            'wear; state preload = "static" and the loads, or no [statics]'
+            f"{where} states preload = {joint.preload:g} with [statics]: the cause of the pressure, and its change with "
+            'wear, are unknown; state preload = "static" and the loads, or no [statics]'
         ]
     return []
 

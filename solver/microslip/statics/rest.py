@@ -28,8 +28,8 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
         changed = about_rest(pairs.laws, pairs.columns, rest.du, rest.memory)
     except ValueError as problem:
         raise CaseError(
-            f'[statics]: {problem} of a joint with law = "rough" at rest: its stiffness there is none, and no slider says where '
-            "it would touch again; state more preload, less of what pulls, or what may open: a power of the approach, or law = "
+            f'[statics]: {problem} of a joint with law = "rough" at rest: it has no stiffness there, and no slider defines '
+            "where it would close; state more preload, smaller loads that open it, or a law that may open: a power law, or law = "
             '"elastic-coulomb"'
         ) from problem
     N0, open_at_rest = (changed.get(name, getattr(pairs, name)) for name in ("N0", "open_at_rest"))

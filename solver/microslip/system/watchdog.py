@@ -44,7 +44,7 @@ def wrong_limit() -> str | None:
     if 0.0 <= _stated() < LONGEST:
         return None
     text = os.environ[VARIABLE][:40]
-    return f"{VARIABLE}={text}: a number of seconds is expected, after which a run that stands still is ended; 0: never"
+    return f"{VARIABLE}={text}: a number of seconds is expected, after which a run without progress is ended; 0: never"
 
 
 def _stated() -> float:

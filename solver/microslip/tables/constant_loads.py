@@ -123,7 +123,7 @@ class Statics(Table):
     @model_validator(mode="after")
     def _large(self):
         if self.large_displacements and not self.stress_stiffening:
-            raise ValueError("large_displacements = true goes with stress_stiffening; the one without the other is no stiffness")
+            raise ValueError("large_displacements = true needs stress_stiffening = true")
         if self.large_displacements and self.bolts:
             raise ValueError("large_displacements = true: bolts are tightened with small displacements; leave out one of them")
         return self
@@ -131,5 +131,5 @@ class Statics(Table):
     @model_validator(mode="after")
     def _deformed(self):
         if self.deformed_shape and not self.stress_stiffening:
-            raise ValueError("deformed_shape = true goes with stress_stiffening; the one without the other is no stiffness")
+            raise ValueError("deformed_shape = true needs stress_stiffening = true")
         return self

@@ -121,7 +121,7 @@ class Cyclic(Table):
         N, d = self.sectors, self.nodal_diameter
         if d is None:
             if self.wave is not None:
-                raise ValueError("wave belongs to nodal_diameter; the sign of engine_order says it already")
+                raise ValueError("wave belongs to nodal_diameter; the sign of engine_order already determines it")
             return self
         if 2 * d > N:
             alias, turned = min(d % N, -d % N), d % N > -d % N
@@ -137,9 +137,9 @@ class Cyclic(Table):
     def _sectors_that_differ(self):
         stated = [key for key in ("sector", "table", "scatter") if getattr(self, key)]
         if stated and not self.whole:
-            raise ValueError(f"{stated[0]} says how sectors differ, and [cyclic] computes one for all: state whole = true")
+            raise ValueError(f"{stated[0]} states how sectors differ, and [cyclic] computes one for all: state whole = true")
         if len(stated) > 1:
-            raise ValueError(f"exactly one of sector, table, scatter says how sectors differ, found {' and '.join(stated)}")
+            raise ValueError(f"exactly one of sector, table, scatter states how sectors differ, found {' and '.join(stated)}")
         numbers = [each.number for each in self.sector]
         if len(set(numbers)) < len(numbers):
             twice = next(number for number in numbers if numbers.count(number) > 1)

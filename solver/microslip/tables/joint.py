@@ -47,9 +47,9 @@ def _check_rough(joint: Mapping[str, Any]) -> None:
     """Raise ValueError where rough surfaces have no pressure at rest, or their power law is incompletely stated."""
     if joint["preload"] == "static" and joint["exponent"] is None:
         raise ValueError(
-            f'preload = "static": the exponential of law = {_quoted(ROUGH)} has no approach at which nothing presses; state '
-            "in Pa the pressure at which the surfaces lie as the mesh has them, from which [statics] starts; or a power, "
-            "exponent and roughness_pressure, which begins without any"
+            f'preload = "static": the exponential of law = {_quoted(ROUGH)} has a pressure at every approach; state in Pa '
+            "the pressure of the unloaded mesh, from which [statics] starts; or a power law, by exponent and roughness_pressure, "
+            "which starts without pressure"
         )
     if joint["preload"] == 0.0:
         raise ValueError(f"preload = 0: rough surfaces that carry nothing have no stiffness, law = {_quoted(ROUGH)} needs some")

@@ -233,7 +233,7 @@ class Surface(Table):
             raise ValueError("through belongs to one body, named twice, and a plane has no tolerance")
         if self.bodies[0] == self.bodies[1] and self.normal is None:
             raise ValueError(
-                f'normal is missing, which tells one side of the parts of "{self.bodies[0]}" from the other: expected '
+                f'normal is missing, which distinguishes the two sides of "{self.bodies[0]}": expected '
                 f"{Surface.model_fields['normal'].description}"
             )
         return self

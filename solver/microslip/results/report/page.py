@@ -138,7 +138,7 @@ def _sections(
     times += tables.origin_table(results)
     texts = f"<details><summary>the scene as it was run</summary><pre>{escape(results.scene_text)}</pre></details>"
     if run.notes:
-        texts += f"<details><summary>what the run said</summary><pre>{escape(chr(10).join(run.notes))}</pre></details>"
+        texts += f"<details><summary>notes of the run</summary><pre>{escape(chr(10).join(run.notes))}</pre></details>"
     sections.append(("scene", "Scene and log", texts))
     return sections
 

@@ -70,7 +70,7 @@ def _pairs(pairs: ContactPairs) -> dict[str, Entry]:
         "position": Entry(pairs.position, "(n_pairs, 3)", "m", "of the pair, where there is a mesh"),
         "frame": Entry(pairs.frame, "(n_pairs, 3, 3)", "-", "rows: the pair's x, y, z in the model's axes"),
         "joint": Entry(np.array(pairs.joint, dtype=str), each, "", "name of the joint"),
-        "law": Entry(np.array(pairs.laws, dtype=str), each, "", f'contact law; the scripts know "{ELASTIC_COULOMB}"'),
+        "law": Entry(np.array(pairs.laws, dtype=str), each, "", f'contact law; the scripts support "{ELASTIC_COULOMB}"'),
     }
     others = {name: values for name, values in pairs.law_columns.items() if name not in ("k_ty", "mu_y")}
     entries |= {

@@ -98,9 +98,7 @@ def in_words(result: Identified) -> list[str]:
         f"freedom, after {result.evaluations} evaluations; {result.outcome}"
     ]
     if result.dof <= 0 and not result.has_deviations:
-        lines.append(
-            "as many numbers as rows: these data cannot say how far they are known; measure more rows or fit fewer numbers"
-        )
+        lines.append("as many numbers as rows: these data give no intervals; measure more rows or fit fewer numbers")
     if not result.is_explained:
         lines.append(
             "the model does not explain the data within the stated deviations: the intervals do not hold; other numbers of the "

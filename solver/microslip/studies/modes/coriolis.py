@@ -48,7 +48,7 @@ def waves_of(linearised: Linearised, computed: Modes, matrix: Coriolis, count: i
     matrix.free_of(G)
     residual = max(wave.residual for wave in both)
     text = f"Coriolis forces: largest residual {residual:.1e} of the inertia forces"
-    log.note(text if residual <= _LARGE else f"WARNING: {text}: frequencies may be wrong; ask for more modes")
+    log.note(text if residual <= _LARGE else f"WARNING: {text}: frequencies may be wrong; state more modes")
     return both
 
 

@@ -238,7 +238,7 @@ def accuracy_sentences(study: Study) -> list[str]:
             text = (
                 "met"
                 if error + study.reference.floor <= run.setting.accuracy
-                else "met as far as the reference tells"
+                else "met within the accuracy of the reference"
                 if error <= max(run.setting.accuracy, study.reference.floor)
                 else "missed"
             )
@@ -349,7 +349,7 @@ def mesh_lines(study: Study) -> list[str]:
     if not study.meshes:
         return []
     finest = {curve.level: curve for curve in study.meshes[-1].curves}
-    lines = [f"meshes, against the finest, {study.meshes[-1].value}; bars say nothing of the mesh:"]
+    lines = [f"meshes, against the finest, {study.meshes[-1].value}; bars do not include the error of the mesh:"]
     for run in study.meshes:
         scored = score(run.curves, finest)
         errors = f"peak {percent(scored.peak)} and frequency {percent(scored.frequency)} off, curve {percent(scored.error)}"

@@ -137,7 +137,7 @@ def of_disturbances(checks: Sequence[Check]) -> str:
         return ""
     others = [check for check in watched if (check.growth > 1.0 + BEYOND) != (check.multiplier > 1.0 + BEYOND)]
     n_alike = len(watched) - len(others)
-    text = f"\nsmall disturbances grow or die out as the Floquet multipliers say at {n_alike} of {len(watched)} points"
+    text = f"\nsmall disturbances agree with the Floquet multipliers at {n_alike} of {len(watched)} points"
     return text + "".join(f"\n  not at {check.where}: {check.multiplier:.5f}, and {check.growth:.5f} in time" for check in others)
 
 
