@@ -128,7 +128,7 @@ def dofs_of_rows(path: Path | None, given: DofMap | None, n_rows: int, key: str)
 
     Raises
     ------
-    CaseError : the file is at fault, or both tell
+    CaseError : the file is at fault, or both state them
     """
     if path is None:
         return None if given is None else _once(given, "the matrix's own file")

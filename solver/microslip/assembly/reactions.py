@@ -42,7 +42,7 @@ def acting_at_rest(
     Parameters
     ----------
     mesh : the whole mesh on rank 0, None elsewhere
-    above_cuts : what elements above the cuts of bolts see beside the displacement of their nodes, as in ``stiffness_at_rest``
+    above_cuts : displacements of elements above cuts of bolts beyond those of their nodes, as in ``stiffness_at_rest``
     """
     comm, constraints = dmesh.comm, system.constraints
     is_large = stated_statics(tables).large_displacements

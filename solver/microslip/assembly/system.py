@@ -64,7 +64,7 @@ class System:
     output_orders: np.ndarray | None = None  # (n_outputs,) derivatives of o u by time; None: all outputs are displacements
     output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) what p adds to contact forces; None: nothing
     output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none
-    constraints: Constraints | None = None  # what ties and points make follow; None where there are none
+    constraints: Constraints | None = None  # displacements that follow by ties and points; None where there are none
     rest_owned: np.ndarray | None = (
         None  # (n_dof_owned,) m, displacement at rest, of a disc at nodal diameter 0; None: no statics
     )

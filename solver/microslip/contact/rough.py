@@ -27,7 +27,7 @@ DENSE_FORCE = 16.0  # N / N0 up to which the asperities are as densely spaced as
 CARRIES = 1e-9  # normal force relative to that at the stated preload: below it after the statics, a pair is open at rest
 _MOST = 200.0  # bound of log(N / N0): iterates beyond it are meaningless, and squares of N would overflow
 EXPORTED = """\
-on a circle, or in each direction by itself where separate is 1;
+on a circle, or in each direction separately where separate is 1;
 f_nl,z = N0 - N, N = N0 max(0, 1 - k_n du_z / (m N0))^m, m being law_exponent; inf: N = N0 exp(-k_n du_z / N0);
 open at rest (N0 <= 0): f_nl,z = -N, N = P max(0, (N0 - k_n du_z) / (m P))^m with P = law_reference"""
 MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential divided by normal stiffness at Poisson's ratio 0.3

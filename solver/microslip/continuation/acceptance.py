@@ -53,7 +53,7 @@ def accept(
 
     Raises
     ------
-    Unbalanced : the solution is none, for lack of digits; on every rank
+    Unbalanced : rounding errors exceed the balance of a solution; on every rank
     """
     solver, memory, accuracy = state.solver, state.memory, task.accuracy
     estimator = None if on_the_way else task.estimator

@@ -1,6 +1,6 @@
 """Harmonics, samples, Newton's tolerance and steps from the requested accuracy (docs/theory.md, section 11).
 
-At every point the error bar says what more harmonics, more samples and a smaller residual would change.  Where that exceeds its
+At every point the error bar estimates the effect of more harmonics, more samples and a smaller residual.  Where that exceeds its
 share of the accuracy the point is solved again with more, from where it is; where it stays far below for some points, the next
 ones have fewer.  The step along the branch follows from the error of a straight line between the points.
 """
@@ -110,7 +110,7 @@ class Accuracy:
         for part, share in SHARES.items():
             values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
             over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
-            shares[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # a bar that is none tells nothing
+            shares[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # a bar that is no estimate
         return shares, replace(memory, peak=peak)
 
     def finer(self, now: Resolution, ratios: dict[str, float], memory: Memory) -> tuple[Resolution | None, Memory]:

@@ -34,7 +34,7 @@ class Place:
     scaling: Scaling
     U: np.ndarray  # (n_owned, 3, N_H) m
     nu: np.ndarray  # (k,) the same on all ranks
-    linearisation: Linearisation | None  # None where no constraint asks for it
+    linearisation: Linearisation | None  # None where no constraint needs it
     _results: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def once(self, of: Callable[..., Any], *arguments: Any) -> Any:

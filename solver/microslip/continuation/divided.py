@@ -32,7 +32,7 @@ from .ways_out import MOSTLY, regularised
 PARTS = 2  # of a level, for each group of ranks
 STEP = 0.1  # effort of a step in addition to that of the sliding pairs, as a share of all pairs
 LONGER = 4.0  # times the steps of the curve are those of the coarse one
-TURN, EASY = 0.5, 8  # rad between two of its steps, and Newton iterations, at which their length is kept
+TURN, EASY = 0.5, 8  # rad between two of its steps, and Newton iterations, at which their length is unchanged
 COARSE = 1e-4  # tolerance of its points
 NEAR = 0.3  # of the step that passes a beginning, the most that its chord lies from it
 

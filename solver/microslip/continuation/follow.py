@@ -104,7 +104,7 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
 
     Raises
     ------
-    ConvergenceError : nothing leads on; on every rank
+    ConvergenceError : no step converges; on every rank
     """
     assert state.before is not None and state.now is not None
     was, now, sweep = state.solver, state.solver.carried(state.now), task.sweep

@@ -32,7 +32,7 @@ def sticks_up_to(model: ReducedModel, law: Law, motions: list[np.ndarray]) -> np
 def is_linear(equation: HarmonicBalance, level: float, curve: LinearCurve) -> bool:
     """Return whether no pair leaves sticking anywhere on the sampled linear curve at a level [N].
 
-    Collective: one evaluation of the pairs at each point where the bound alone does not tell, worst first.  A
+    Collective: one evaluation of the pairs at each point where the bound alone does not decide, worst first.  A
     level that slips so costs one evaluation.
     """
     finer = equation.resolved(equation.harmonics, FINER * equation.n_samples)

@@ -27,9 +27,9 @@ MOST_SOLUTIONS = 40
 CLOSE = 1e-3  # share of the first interval within which a corner is enclosed
 CLOSEST = 1e-12  # share of it that is divided no further
 REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, where no neighbour on the curve is known
-DIVISIONS = 4  # of the parts of the curve beside the highest solution, between the neighbours of a maximum where pairs slip
+DIVISIONS = 4  # of the parts of the curve next to the highest solution, between the neighbours of a maximum where pairs slip
 FURTHER = 12  # more of them, where a search from the highest solution does not end as high
-WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others beside it may be higher
+WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others next to it may be higher
 SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided: the next where Newton's method fails
 ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, to go on by from there
 BACK = 0.9  # cosine of the angle between two ways from a solution, above which they are on the same part of the curve
@@ -167,7 +167,7 @@ class _Search:
     def narrowed(self, row: Row, divisions: int) -> Row | None:
         """Return the highest of solutions between a solution and its neighbours, and those beside it.
 
-        The curve of a sampled law has small maxima beside the highest one, at corners; and it may turn back at its top, where no
+        The curve of a sampled law has small maxima near the highest one, at corners; and it may turn back at its top, where no
         coordinate that is fixed at one solution leads on.  Amplitudes of solutions between others are subject to
         neither.  None without two neighbours that are lower.
         """

@@ -3,7 +3,7 @@
 Along a resonance the motion of the pairs turns by half a cycle, folds included.  Solutions are taken at a given phase theta of
 that motion, and the amplitude of the output is the parabola through three of them: its top is the maximum.  The distance of the
 three is far above that of the corners where samples begin or end to slip, so that these do not count, and the top varies
-smoothly with other parameters.  Two solutions beside the phase and one at the top are enough where the curvature of the
+smoothly with other parameters.  Two solutions about the phase and one at the top are enough where the curvature of the
 parabola is known from the last maximum of the branch.  A mode that hardly moves the pairs does not turn their motion; then the
 phase is that of the output.
 """
@@ -31,7 +31,7 @@ MOST_TOPS = 3  # solutions at a top until it settles
 FARTHEST = 8.0  # of that distance by which a search goes on at most
 REACH = 0.25 * np.pi  # rad from the guess, to which it goes at most
 MOST_TRIES = 12
-CLOSER = 2  # times that the distance is halved where Newton's method fails beside a solution, as beyond the end of a branch
+CLOSER = 2  # times that the distance is halved where Newton's method fails next to a solution, as beyond the end of a branch
 LOOSE = 1e-5  # tolerance of solutions that only place the top: it moves by about their error over the distance
 FAR = 2.0  # times the frequency of the guess, or less than its inverse, at which a solution belongs to no peak here
 ELSEWHERE = "the solution at this phase lies elsewhere"

@@ -176,7 +176,7 @@ def follow_mode(
     Parameters
     ----------
     sweep : range of ln q; values in ``at`` are points
-    until : tells of a point whether the branch may end there
+    until : returns whether the branch may end at a point
 
     Returns
     -------

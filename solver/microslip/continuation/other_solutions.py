@@ -196,7 +196,7 @@ class _Search:
 def continued(of: ResponseProblem, level: float, solution: Solution, has_stability: bool) -> Branch:
     """Return the curve through a solution, followed both ways to the ends of the range or back to its frequency.  Collective.
 
-    Segment 0 leads to higher frequencies.  ``failure`` says why a way ends elsewhere within the range.
+    Segment 0 leads to higher frequencies.  ``failure`` has the reason if the curve ends within the range.
     """
     there, point = solution.iterate, solution.point
     equation = equation_at(point, of.at_level(level).equation, there.harmonics)

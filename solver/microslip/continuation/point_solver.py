@@ -35,7 +35,7 @@ class Workspace:
     """
 
     def __init__(self, equation: HarmonicBalance, has_bars: bool = False, n_parameters: int = 1):
-        self._has_bars, self._k = has_bars, n_parameters  # bars ask for tangents at every point
+        self._has_bars, self._k = has_bars, n_parameters  # bars need tangents at every point
         stiffest = float(equation.law.stiffness.max(initial=0.0))
         self.comm, self.stiffest = equation.comm, max(equation.comm.allgather(stiffest))  # N/m, the stiffest spring of all pairs
         self.spent = 0  # Newton iterations so far

@@ -13,7 +13,7 @@ from .point_solver import PointSolver
 
 FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola is not used
 BY_PARAMETER = 1e-2  # shortest step of a maximum at a fixed parameter; shorter ones, in a plane, pass folds
-FAINT_MOTION = 1e-2  # of the motion under the same loads at rest, below which ratios of a linear motion tell nothing
+FAINT_MOTION = 1e-2  # of the motion under the same loads at rest, below which ratios of a linear motion are meaningless
 
 
 def predict(

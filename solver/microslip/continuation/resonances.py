@@ -1,7 +1,7 @@
 """Detection of resonances that a step would pass without a point on them (docs/theory.md, section 7).
 
 Far off, a resonance leaves the motion small on both sides and turns it by half a cycle.  With 1 / eta a straight line in the
-frequency, as of one mode, the two ends of a step say how high the motion rises in between.
+frequency, as of one mode, the two ends of a step determine the largest motion in between.
 """
 
 from __future__ import annotations

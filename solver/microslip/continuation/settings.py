@@ -20,7 +20,7 @@ class ResponseSettings:
     ds_min: float | None = None
     ds_max: float | None = None
     samples: int = 128
-    follows_path: bool = True  # between them; else the contact law knows samples alone
+    follows_path: bool = True  # between them; else the contact law uses the samples alone
     tolerance: float = 1e-8
     accuracy: float | None = None  # of the response over its peak; None: harmonics, samples and steps are as stated
     is_corrected: bool = False  # whether the accuracy counts for the corrected amplitude

@@ -31,8 +31,8 @@ class ArcLength:
     ds: float
     ds_min: float
     ds_max: float
-    turn: float = 0.12  # rad between two steps at which ds is kept: a straighter branch grows it
-    easy: int = 4  # Newton iterations at which ds is kept
+    turn: float = 0.12  # rad between two steps at which ds is unchanged: on a straighter branch it grows
+    easy: int = 4  # Newton iterations at which ds is unchanged
 
     def __post_init__(self) -> None:
         if not 0.0 < self.ds_min <= self.ds <= self.ds_max:
@@ -46,7 +46,7 @@ class ArcLength:
         by_curve = self.turn / max(turn, 1e-3)
         by_newton = (self.easy / max(newton, 1)) ** 0.5
         factor = min(max(min(by_curve, by_newton), 0.5), 1.5)
-        # the curve alone never asks for less than ds: that length already resolves the linear resonance
+        # the curve alone never needs less than ds: that length already resolves the linear resonance
         smallest = self.ds if by_newton >= 1.0 else self.ds_min
         return min(max(ds * factor, min(smallest, 1.5 * ds)), self.ds_max)
 

@@ -55,4 +55,4 @@ class Advanced:
     state: BranchState
     points: list[Point]
     failure: str | None
-    newton: int  # iterations, those in vain too
+    newton: int  # iterations, failed solves included

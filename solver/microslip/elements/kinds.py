@@ -185,7 +185,7 @@ KINDS = {
             _faces(_TETRAHEDRON_FACES, 4, _TETRAHEDRON_EDGES),
         ),
         # Nodes 3, 4, 5 lie on the side that the right-hand rule gives 0, 1, 2, as in Abaqus and meshio files (VTK's
-        # documentation says the opposite, its shape functions agree).
+        # documentation states the opposite, its shape functions agree).
         Kind(
             "wedge6", _with_mid_sides(_WEDGE, []), _monomials(3, lambda x, y, z: x + y <= 1 and z <= 1), 6, _faces(_WEDGE_FACES)
         ),

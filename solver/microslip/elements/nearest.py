@@ -7,7 +7,7 @@ from .kinds import FACE_KINDS, Kind
 _MOST_STEPS = 50  # of Newton's method; few take more than six
 _CONVERGED = 1e-13  # a step in reference coordinates
 _SMALL = 1e-6  # a step whose effect on the distance may be lost in rounding
-_BEYOND = 0.3  # how far outside the face Newton's method may look, in reference coordinates
+_BEYOND = 0.3  # distance outside the face that Newton's method may reach, in reference coordinates
 _ROUNDING = 1e-12  # outside the face by less is inside
 
 

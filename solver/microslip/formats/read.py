@@ -15,7 +15,7 @@ from ..system.memory import bounded_by_machine, gigabytes
 from .model import FileModel
 from .via_meshio import FORMATS
 
-_HEAD = 200  # lines that tell the program of an .inp file
+_HEAD = 200  # lines by which the program of an .inp file is recognised
 _ABAQUS = re.compile(r"\*(HEADING|NODE|ELEMENT|PART|INCLUDE|NSET|ELSET|MATERIAL|PARAMETER)\b")
 _OTHER = re.compile(r"(BEGIN\s+BULK|CEND)\b|/(PREP7|BATCH)\b|NBLOCK,")
 _POINTER = b"version https://git-lfs"

@@ -223,7 +223,7 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
             if not is_reported:
                 _write_error(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
             _abort(comm, status)
-        if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has reported it and also ends this one
+        if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited without success, has reported it and also ends this one
             _abort(comm, status)
     has_problem = statuses[1::2]
     if _REPORTED not in has_problem and comm.rank == next((rank for rank in range(comm.size) if has_problem[rank]), None):

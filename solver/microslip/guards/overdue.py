@@ -89,7 +89,7 @@ def oversee_signals() -> None:
 def leave_signals_to_main() -> None:
     """Let the thread receive no signals itself any more.  Local; once the main thread has left the start of MPI.
 
-    METIS would answer one in a thread of which it knows nothing (parallel/metis.py).
+    METIS would handle one in another thread (parallel/metis.py).
     """
     if _Thread.sender is not None:
         os.write(_Thread.sender, _LEAVE)

@@ -38,7 +38,7 @@ class HarmonicBalance:
     @classmethod
     def of_all(cls, model: ReducedModel, law: Law, n_samples: int) -> HarmonicBalance:
         """Return the equation of a model whose pairs, on all ranks, have this law.  Local."""
-        # constant motion: the period is a single step, and the state of a pair says whether it slid in this step
+        # constant motion: the period is a single step, and the state of a pair is whether it slid in this step
         owned = law.take(np.arange(model.n_pairs)[model.owned])
         return cls(model, owned, model.harmonics.samples(n_samples))
 

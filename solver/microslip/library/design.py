@@ -149,7 +149,7 @@ def _shares(d: int, n: int, kind: str, seed: int) -> np.ndarray:
     """Return points of the unit cube, (n, d), none on its surface."""
     sampler = qmc.LatinHypercube(d, seed=seed) if kind == "latin" else qmc.Sobol(d, scramble=True, seed=seed)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # n that is no power of two: the guide says it
+        warnings.simplefilter("ignore", UserWarning)  # n that is no power of two: documented in the guide
         points = sampler.random(n)
     return np.clip(points, 1e-12, 1.0 - 1e-12)
 

@@ -49,7 +49,7 @@ from .settings import reduction_settings, refuse_statics
 from .varied import Varied, as_keys, load_factors, of_joints
 
 DONE, FAILED, OUTSIDE, MISSING = "done", "failed", "outside", "missing"
-NEIGHBOURS = 3  # samples beside one for each number and the scene, of which a motion is interpolated
+NEIGHBOURS = 3  # samples, in addition to one for each number and the scene, from which a motion is interpolated
 MOST_BETWEEN = 12  # peaks tried on the way from the nearest sample to one that Newton's method does not reach
 MOST_WEIGHT = 3.0  # sum of the sizes of their weights, beyond which the nearest one alone is taken
 CURVE_POINTS = 201  # frequencies of the curves of samples

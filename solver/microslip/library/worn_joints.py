@@ -50,7 +50,7 @@ def wear(
     -------
     WearHistory : arrays over n numbers of cycles, the first 0: ``cycles`` (n,), ``depth`` (n, n_pairs) [m], ``N0`` (n, n_pairs)
         [N], ``frequency`` (n,) [Hz], ``amplitude`` (n,) of the output in its unit, ``damping`` (n,), and ``records()`` as in
-        wear.csv; a ``failure`` tells why it ends before the stated cycles
+        wear.csv; ``failure`` has the reason of an end before the stated cycles
 
     Raises
     ------

@@ -16,7 +16,7 @@ def with_contact_forces(system: System, pairs: ContactPairs, outputs: Sequence[O
     """Return the system with the outputs that are contact forces of the pairs as they vibrate, docs/theory.md, eq. (13.7).
 
     Local; collective nowhere.  The force on body 1 is -R^T f_nl with f_nl = K_J R u + p: its springs are a row over the
-    displacements, statics and all, and what p adds stands beside it.
+    displacements, statics included, and the contribution of p is separate.
     """
     if all(output.joint is None for output in outputs):
         return system

@@ -57,7 +57,7 @@ def free_as_a_whole(A: PETSc.Mat, system: System | None, what: str) -> np.ndarra
 
     Raises
     ------
-    CaseError : A is not positive semi-definite, or parts move freely beside others that are held; on every rank
+    CaseError : A is not positive semi-definite, or some parts move freely while others are supported; on every rank
     """
     comm = A.comm.tompi4py()
     diagonal, Z_owned = _free_motions(A, system, what)

@@ -103,7 +103,7 @@ class MumpsFactor:
         """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
 
         Collective.  B is this rank's rows, or sparse (n_dof, m) and the same on every rank: MUMPS then skips the branches of its
-        elimination tree that B does not touch.  All columns go together: of 16, one costs a tenth of a solve by itself.
+        elimination tree that B does not touch.  All columns go together: of 16, one costs a tenth of a single solve.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """A direct factorisation through PETSc's interface to a package: solves only, no entries of the inverse, nothing on disk.
 
-It is MUMPS where the program was built without the bridge to it, or another package where the options ask for one.
+It is MUMPS where the program was built without the bridge to it, or another package where the options select one.
 """
 
 from __future__ import annotations

@@ -293,7 +293,7 @@ def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray)
     """Raise MeshError if supports hold a node of one face in other directions than its turned partner."""
     size, of_high = abs(faces.weights), is_fixed[faces.high].ravel()
     of_low = np.asarray(size @ is_fixed.ravel()[: size.shape[1]]).ravel() / np.asarray(size.sum(axis=1)).ravel()
-    # a free node beside the end of a support lies on facets some of whose nodes are fixed
+    # a free node next to the end of a support lies on facets some of whose nodes are fixed
     allowed = _WEIGHT if faces.is_matched else np.where(of_high, _PARTLY, 1.0 - _PARTLY)
     wrong = np.flatnonzero(abs(of_low - of_high) > allowed)
     if len(wrong) == 0:

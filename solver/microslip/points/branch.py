@@ -125,7 +125,7 @@ class Branch:
     points: list[Point] = field(default_factory=list)
     failure: str | None = None  # why the branch ends early; None if it is complete
     is_linear: bool = False  # no pair leaves sticking: the linear response at this level, nothing was solved
-    closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
+    closes_to: float = CLOSES_TO  # of the energy balance, by the tolerance of its points
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
     solver: str = ""  # what Newton's method ran in, as it calls itself; "" where nothing was solved

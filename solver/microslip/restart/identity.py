@@ -54,7 +54,7 @@ class Identity:
     def setup(self) -> str:
         """The key of the set-up: all inputs except the inputs of only the response.
 
-        It includes the range even with stated modes, because a note of the set-up says whether they cover the range.
+        It includes the range even with stated modes, because a note of the set-up reports whether they cover the range.
         """
         scene, response = dict(self.scene), dict(self.scene["response"])
         solver = {key: value for key, value in scene.pop("solver", {}).items() if key not in _OF_RESPONSE}

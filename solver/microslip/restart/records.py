@@ -3,7 +3,7 @@
 Each record has a length and a CRC-32, a JSON head that names the arrays, and their bytes.  Nothing in it is executed.  Local, on
 the rank that owns the file.
 
-A written record has been handed to the operating system and survives the process.  fsync, which can take as long as a point on a
+A written record is with the operating system and survives the process.  fsync, which can take as long as a point on a
 busy disk, runs in a background thread.
 """
 

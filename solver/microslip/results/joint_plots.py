@@ -113,7 +113,7 @@ def draw_rest(results: ResultFile) -> Pages:
     joint = results.joint
     if not (joint.open_at_rest.any() or joint.T0.any()):
         return {}
-    without = np.isnan(joint.N0)  # pairs of a law that knows no normal force
+    without = np.isnan(joint.N0)  # pairs of a law without normal force
     N = np.where(without, 0.0, np.maximum(joint.N0, 0.0))
     pressure = N / joint.area / 1e6
     columns = {"mu": joint.mu, "N0": joint.N0, **joint.law_columns}

@@ -59,7 +59,7 @@ def log_scale(ax: Axes, *names: str) -> None:
         axis = ax.xaxis if name == "x" else ax.yaxis
         axis.set_major_formatter(PowersOfTen())
         axis.set_minor_formatter(PowersOfTen())
-        axis.set_tick_params(which="minor", pad=5.0)  # points: their numbers stand in the line of those of the longer ticks
+        axis.set_tick_params(which="minor", pad=5.0)  # points: their numbers are in the line of those of the longer ticks
 
 
 class PageLayout(LayoutEngine):

@@ -19,7 +19,7 @@ class Shown:
     of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H)
     largest: str  # name of its largest value on a curve
     heading: str  # the same above a column
-    is_static: bool = False  # the same at every frequency: one point stands for all
+    is_static: bool = False  # the same at every frequency: one point represents all
     unit: str = "m"  # of the output
     level_unit: str = "N"
 

@@ -52,7 +52,7 @@ def read_results(path: str, motion: bool = True) -> ResultFile:
 def refuse_deadly(path: str) -> None:
     """Raise CaseError where a process dies of reading a result file, which may come from anywhere.  Local."""
     if not os.path.isfile(path):
-        return  # who opens it says so
+        return  # reported when it is opened
     try:
         read_file(path, _try, path, gain=MOST_GAIN)
     except SandboxError as problem:

@@ -49,7 +49,7 @@ class LevelResult:
     failure: str  # why the curve ends early; "" otherwise
     arrays: dict[str, np.ndarray | None]
     unit: str = "N"  # of the level
-    closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
+    closes_to: float = CLOSES_TO  # of the energy balance, by the tolerance of its points
     peaks: tuple[Peak, ...] | None = None  # maxima of the outputs, each solved for; None where they are not
     bifurcations: tuple[Bifurcation, ...] | None = None  # where stability changes, and folds; None without multipliers
 

@@ -16,7 +16,7 @@ _LATER = ("corrected", "error_corrected", "multipliers", "neutral")  # columns a
 _AFTER_UNIT = [quantity for quantity in QUANTITIES if quantity.field in _LATER]
 _FIRST, *_REST = (
     quantity for quantity in QUANTITIES if quantity not in _AFTER_UNIT
-)  # the frequency stands before the name of the output
+)  # the frequency is before the name of the output
 COLUMNS = (
     Column("level_N", "level"),
     Column("point", "number of the point on its curve, from 0"),

@@ -195,7 +195,7 @@ def _unwrapped(ring: np.ndarray, period: float) -> np.ndarray:
 def parts_of(ring: np.ndarray, has_middles: bool) -> list[np.ndarray]:
     """Return the part of a face nearest to each node of its ring (n, any), where every second one may be the middle of a side.
 
-    Local.  The corners of a part are means of rows of the ring, whatever stands in them.
+    Local.  The corners of a part are means of rows of the ring, whatever their quantity.
     """
     centre = ring.mean(axis=0)
     after, inner = (ring + np.roll(ring, -1, axis=0)) / 2.0, (ring + centre) / 2.0

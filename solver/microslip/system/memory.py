@@ -16,7 +16,7 @@ _M_MMAP_THRESHOLD, _M_MMAP_MAX = -3, -4  # of glibc's malloc.h
 _LARGE, _N_BLOCKS = (
     2**25,
     2**16,
-)  # bytes of a block from which it is mapped by itself, glibc's upper bound; number of them, its default
+)  # bytes of a block from which it is mapped separately, glibc's upper bound; number of them, its default
 _LIMITS = {1: ("memory.limit_in_bytes",), 2: ("memory.max", "memory.high")}
 _USED = {1: "memory.usage_in_bytes", 2: "memory.current"}
 

@@ -40,7 +40,7 @@ def read(file: IO[bytes], types: Iterable[type] = (), most: float = float("inf")
 
     Raises
     ------
-    Unreadable : the bytes say something else
+    Unreadable : other contents
     """
     try:
         n_bytes = int(file.readline(32))

@@ -46,7 +46,7 @@ def read_file(
 
     Raises
     ------
-    SandboxError : the library that reads the file crashes on it, does not end, or asks for more memory
+    SandboxError : the library that reads the file crashes on it, does not end, or needs more memory
     LibraryError, MicroslipError : as :func:`call`
     """
     n_bytes = os.path.getsize(path)

@@ -185,7 +185,7 @@ def _drop_what_nobody_reads() -> None:
     A further line would be waited for until the launcher kills, with nothing saved.
     """
     for stream in (1, 2):
-        with suppress(OSError, ValueError):  # closed, or beyond what select can look at
+        with suppress(OSError, ValueError):  # closed, or beyond the descriptors of select
             if not select.select([], [stream], [], 0.0)[1]:
                 drop_output(stream)
 

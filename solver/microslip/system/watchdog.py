@@ -2,7 +2,7 @@
 
 A rank that waits for another may be in a library that holds Python's lock, where no thread of Python runs and no signal is
 answered in Python.  So a timer of the system sends SIGALRM, and faulthandler answers it at once with the stacks; later its own
-thread writes them again and ends the process, and with it the launcher the others.  A rank that goes on says so: :func:`moved`.
+thread writes them again and ends the process, and with it the launcher the others.  A rank reports progress by :func:`moved`.
 """
 
 import faulthandler

@@ -13,7 +13,7 @@ from .table import Direction, Name, NotNegative, Positive, Table, TwoPositive, V
 
 LAWS_OF_KEY = {key: tuple(law for law in KEYS if key in KEYS[law].all) for keys in KEYS.values() for key in keys.all}
 OF_FILE = {key for keys in KEYS.values() for key in keys.of_file}  # keys whose place a CSV file of pairs takes
-OWN = tuple(key for key, laws in LAWS_OF_KEY.items() if ELASTIC_COULOMB not in laws)  # beside what every joint has
+OWN = tuple(key for key, laws in LAWS_OF_KEY.items() if ELASTIC_COULOMB not in laws)  # in addition to the keys of every joint
 
 
 def check_law(joint: Mapping[str, Any], stated: Set[str]) -> None:

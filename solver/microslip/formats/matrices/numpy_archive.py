@@ -39,7 +39,7 @@ def _claims(wanted: Wanted) -> dict[str, int]:
 
     Raises
     ------
-    CaseError : an array is larger than the file can hold, or than its header says, or a sparse matrix has too many rows
+    CaseError : an array is larger than the file can hold, or than its header states, or a sparse matrix has too many rows
     """
     claimed, has_shape = {}, True
     with zipfile.ZipFile(wanted.path) as archive:

@@ -1,6 +1,6 @@
 """Nastran's OUTPUT2, .op2: matrices among the data blocks of a file, 32-bit words.
 
-pyNastran only reads matrices whose names it knows.
+pyNastran only reads matrices with names of a fixed list.
 """
 
 import struct

@@ -31,7 +31,7 @@ def take_supports(content: Content) -> None:
 def _without_gaps(content: Content, card: Any) -> list[int]:
     """Return the grid points of an SPC1; those of "first THRU last" that the file does not hold are ignored, as by Nastran.
 
-    pyNastran lists the numbers of a range: a number beside another one of the card is one of a range.
+    pyNastran lists the numbers of a range: consecutive numbers of a card are those of a range.
     """
     numbers = [int(node) for node in card.nodes]
     stated, held = set(numbers), set(content.numbers.tolist())

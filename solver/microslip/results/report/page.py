@@ -17,7 +17,7 @@ from .joint_maps import map_data, map_drawings
 from .view import view_data
 
 NAME = "report.html"
-# The page asks no other machine for anything, and no text in it can.  plotly compiles its shaders' bindings: unsafe-eval.
+# The page sends no request to another machine, and no text in it can.  plotly compiles its shaders' bindings: unsafe-eval.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; "
     "worker-src blob:; form-action 'none'; base-uri 'none'"

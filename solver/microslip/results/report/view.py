@@ -23,7 +23,7 @@ BODY_COLOURS = ("#8fa8c0", "#c9b38c", "#9dbb98", "#b99cc0", "#c69a94", "#8cbcb9"
 def view_data(results: ResultFile, fields: Fields) -> dict[str, Any]:
     """Return the views' data, for JSON: arrays as base64 of little-endian numbers, lengths in metres.  Local.
 
-    Motions are coefficients (n_coefficients, 3, n) of int16 times ``scale``; ``orders`` says of each the harmonic, ``sine``
+    Motions are coefficients (n_coefficients, 3, n) of int16 times ``scale``; ``orders`` has the harmonic of each, ``sine``
     whether it is one.  At most 12,000 nodes, 8 levels, 12 modes and harmonics 0 to 5, and fewer nodes where these exceed 3 MB.
     """
     peaks = some(sorted(fields.peaks), MOST_LEVELS)
