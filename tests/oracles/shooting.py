@@ -137,16 +137,17 @@ class Point:
         """Tell whether two small random disturbances of a steady state die out: whether what a period changes does.
 
         A slider that has been moved and stays is no change: the motion comes to rest at another member of the same continuum.
+        A motion that goes ``GROWN`` times its disturbance away has left for another steady state.  ``N`` is that of the state.
         """
         states = x + DISTURBED * self.scale * rng.standard_normal((2, len(x)))
         changes = np.zeros((WATCHED, 2))
         for k in range(WATCHED):
             end = self.period(states, N)[0]
             changes[k], states = np.abs((end - states) / self.scale).max(axis=1), end
+            if (np.abs((end - x) / self.scale).max(axis=1) >= GROWN * DISTURBED).any():
+                return False
             if (changes[k] <= DECAYED * changes[0]).all():
                 return True
-            if (changes[k] >= GROWN * changes[0]).any():
-                return False
         quarter = WATCHED // 4
         return bool((changes[-quarter:].max(axis=0) < changes[-2 * quarter : -quarter].max(axis=0)).all())
 

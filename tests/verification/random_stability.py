@@ -7,7 +7,7 @@ steady state at the frequency of each point, and differences of its map of a per
 largest eigenvalue of that map is compared with the largest multiplier of the program.  Where differences of other sizes, or
 to the other side, have other eigenvalues, the map has a corner there and no derivative: a slider rests exactly at its limit, where the march to its
 place at rest ends.  At such points two disturbed motions are integrated until the disturbance dies out or grows.
-Points whose steady state is another one are not judged.
+Points whose steady state is another one are not judged.  Points whose note says that their stability is uncertain are counted.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from verification.random_structures import draw
 from verification.random_systems import HERE, STEADY, chosen
 
 from microslip.continuation.levels import follow_levels
+from microslip.continuation.point_record import DOUBTFUL
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.points.multipliers import BEYOND, is_stable
@@ -53,6 +54,7 @@ class Judged:
     at_corner: bool  # of the map: ``integrated`` is no derivative
     is_stable: bool  # by time integration
     fold: float  # smallest singular value of the derivative of (end - begin)
+    is_noted: bool  # as uncertain
 
     @property
     def agrees(self) -> bool:
@@ -70,7 +72,7 @@ def judge(seed: int, number: int, points: int, solver: dict, steps: int, lift_of
         )
         scene = changed(read_scene(path), {"response": {"stability": True}})
         with build(scene, HERE) as structure:
-            branches = follow_levels(prepare(structure, has_bars=scene.accuracy is not None).response)
+            branches = follow_levels(prepare(structure, has_bars=True).response)
     for branch in branches:
         sizes = [float(np.hypot(*point.response[0, 1:3])) for point in branch.points]
         for i in chosen(sizes, points):
@@ -82,9 +84,8 @@ def judge(seed: int, number: int, points: int, solver: dict, steps: int, lift_of
                 continue
             computed = float(np.hypot(*point.multipliers[0]))
             assert (computed <= 1.0 + BEYOND) == is_stable(point.multipliers)
-            judged.append(
-                Judged(number, branch.level, point.omega, bool(np.any(point.state)), computed, *integrated(of, steady, steps))
-            )
+            values = bool(np.any(point.state)), computed, *integrated(of, steady, steps), DOUBTFUL in point.notes
+            judged.append(Judged(number, branch.level, point.omega, *values))
     return judged, others
 
 
@@ -92,7 +93,7 @@ def integrated(of: shooting.Point, steady: shooting.Steady, steps: int) -> tuple
     """Return what time integration says of a steady state: the last four values of :class:`Judged`."""
     sizes = [of.largest_multiplier(steady.x, steps, size) for size in SIZES]
     at_corner = np.ptp(sizes) > CORNER
-    stable = of.forgets(steady.x, steps // 2, np.random.default_rng(0)) if at_corner else sizes[1] <= 1.0 + BEYOND
+    stable = of.forgets(steady.x, steps, np.random.default_rng(0)) if at_corner else sizes[1] <= 1.0 + BEYOND
     return sizes[1], at_corner, stable, steady.fold
 
 
@@ -122,16 +123,19 @@ def main():
     for name, some in (("all", judged), ("of which pairs move", [one for one in judged if one.slips])):
         if some:
             off = np.array([abs(one.computed - one.integrated) for one in some if not one.at_corner])
-            unstable, corners = (sum(values) for values in zip(*((not one.is_stable, one.at_corner) for one in some)))
+            unstable, corners, noted = (
+                sum(of) for of in zip(*((not one.is_stable, one.at_corner, one.is_noted) for one in some))
+            )
+            alike = np.mean([one.agrees for one in some if not one.is_noted])
             print(
-                f"{name}: {len(some)} points, {unstable} unstable, {corners} at a corner; judged alike {100.0 * np.mean([one.agrees for one in some]):.1f} %; "
+                f"{name}: {len(some)} points, {unstable} unstable, {corners} at a corner, {noted} noted as uncertain; the others judged alike {100.0 * alike:.1f} %; "
                 f"largest multiplier off by {np.median(off):.1e} (median), {np.quantile(off, 0.95):.1e} (95 %), {off.max():.1e} (most)"
             )
     for one in judged:
         if not one.agrees or (not one.at_corner and abs(one.computed - one.integrated) > 0.05):
             print(
                 f"system {one.number}, level {one.level:.4g}, omega {one.omega:.6g}: {one.computed:.5f}, integrated {one.integrated:.5f}, "
-                f"{'stable' if one.is_stable else 'unstable'}{', at a corner' if one.at_corner else ''}, fold {one.fold:.1e}"
+                f"{'stable' if one.is_stable else 'unstable'}{', at a corner' if one.at_corner else ''}{', noted' if one.is_noted else ''}, fold {one.fold:.1e}"
             )
 
 

@@ -76,7 +76,7 @@ def accept(
             break
         solution, solver = better
     if task.has_stability and not on_the_way:
-        point = with_stability(solver.problem, solution[0].iterate, point)
+        point = with_stability(solver.problem, solution[0].iterate, point, estimator)
     if task.has_sensitivities and not on_the_way:
         known, adjoints = estimator.last if estimator else None, solver.workspace.adjoints(solver.equation)
         point = with_sensitivities(solver.problem, solution, point, adjoints, known)

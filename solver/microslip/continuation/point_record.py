@@ -28,6 +28,7 @@ IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a 
 HELD = "mean slip held by springs"  # the note of such a point
 FAR = "with more harmonics no solution is found near this one"  # of one that may solve the truncated equations alone
 NO_ADJOINT = "sensitivities not found: the linearisation is singular"
+DOUBTFUL = "stability uncertain: more harmonics or samples change the largest multiplier by more than its distance from 1"
 DRIFTS = "a slider drifts without end"  # and of one where a march does not come to its cycle
 
 
@@ -92,12 +93,20 @@ def point_record(
     return point, moves
 
 
-def with_stability(problem: Problem, there: Iterate, point: Point) -> Point:
-    """Return the record of a point with its multipliers.  Collective."""
+def with_stability(problem: Problem, there: Iterate, point: Point, estimator: ErrorEstimator | None = None) -> Point:
+    """Return the record of a point with its multipliers; with a note where the error of its motion may change the stability.
+
+    Collective.  The ``estimator`` has estimated the error of the point last.  docs/theory.md, section 16.
+    """
     at = problem.at(there.parameters)
-    multipliers = multipliers_at(problem.equation.under(at), at, there.U)
+    multipliers, notes = multipliers_at(problem.equation.under(at), at, there.U), point.notes
+    if multipliers.is_doubtful and estimator is not None and estimator.motion is not None:
+        equation, U = estimator.motion
+        better = multipliers_at(equation, at, U).largest
+        if abs(better - 1.0) <= abs(better - multipliers.largest):
+            notes = (*notes, DOUBTFUL)
     parts = np.stack([multipliers.values.real, multipliers.values.imag], axis=-1)
-    return replace(point, multipliers=parts, neutral=np.array(multipliers.n_neutral))
+    return replace(point, multipliers=parts, neutral=np.array(multipliers.n_neutral), notes=notes)
 
 
 def with_sensitivities(

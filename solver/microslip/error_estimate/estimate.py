@@ -102,6 +102,7 @@ class ErrorEstimator:
         comm = enriched.structure.comm
         self.enriched = enriched
         self.last: Adjoint | None = None  # adjoint of the last point; None where all pairs stick
+        self.motion: tuple[HarmonicBalance, np.ndarray] | None = None  # that of the last point in the enriched equation
         self.adjoint_solver, self.forward_solver = adjoint_solver or AdjointSolver(comm), AdjointSolver(comm, STEP)
         self._models: dict[Harmonics, ReducedModel] = {}  # enriched models, by harmonics
         self._with_springs: tuple[object, EnrichedModel] = None, enriched  # springs and structure of the cached models
@@ -143,7 +144,7 @@ class ErrorEstimator:
         ``U`` (n_owned, 3, N_H) solves ``equation`` with the ``selected`` pairs at a point; ``of_all`` are the contact forces
         of all pairs at the point, with tangents, if available.
         """
-        model, n_out = equation.model, equation.model.n_outputs
+        model, n_out, self.motion = equation.model, equation.model.n_outputs, None
         if 1 not in model.harmonics:
             return None
         exact = self.exact(equation)
@@ -261,6 +262,7 @@ class ErrorEstimator:
                 break
             steps.append(of_outputs(d_p, residual))
             if miss <= FOLLOWED * way:
+                self.motion = wider, value
                 return steps, True
             x, _ = mixing.next(x, value)
         return steps, False

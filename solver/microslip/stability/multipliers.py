@@ -6,12 +6,13 @@ import numpy as np
 
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import OperatingPoint
-from ..points.multipliers import N_MULTIPLIERS
+from ..points.multipliers import BEYOND, N_MULTIPLIERS
 from ..receptance.reduced_model import ReducedModel
 from .contact_variation import ContactVariation, contact_variation, joined
-from .cycle_map import CycleMap
+from .cycle_map import CycleMap, ModalStep
 
 N_STEPS = 128  # a cycle
+NEAR = 0.1  # of the unit circle: truncated motions of random structures change multipliers by less
 N_WITHIN = 8  # samples of a step through which the sliders are followed, more closely where one begins or ceases to slip
 
 
@@ -21,6 +22,17 @@ class Multipliers:
 
     values: np.ndarray  # (N_MULTIPLIERS,) complex by falling modulus, zeros where there are fewer
     n_neutral: int  # sliders that never slip: each has the multiplier 1, which is no instability
+    stuck: float  # largest modulus while all pairs stick
+
+    @property
+    def largest(self) -> float:
+        """The largest modulus."""
+        return float(np.abs(self.values[0]))
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the motion has a multiplier so near to 1 that truncation may put it on the wrong side."""
+        return abs(self.largest - 1.0) < NEAR and self.largest > self.stuck + BEYOND
 
 
 def multipliers_at(
@@ -56,4 +68,5 @@ def _of_parts(model: ReducedModel, omega: float, parts: list[tuple[ContactVariat
     computed = CycleMap(omega, modes.omega_n, modes.damping, R_phi, G, contact).multipliers()
     values = np.zeros(N_MULTIPLIERS, dtype=complex)
     values[: len(computed)] = computed
-    return Multipliers(values, sum(n_sliders for _, _, n_sliders in parts))
+    stuck = np.abs(ModalStep(modes.omega_n, modes.damping, 2.0 * np.pi / omega).multipliers()).max()
+    return Multipliers(values, sum(n_sliders for _, _, n_sliders in parts), float(stuck))
