@@ -39,6 +39,12 @@ class ContactVariation:
         """Steps of a cycle."""
         return len(self.by_memory)
 
+    @property
+    def repeats(self) -> np.ndarray:
+        """Whether the forces vary in a step as in the one before it, (n_steps,) bool."""
+        arrays = self.by_memory, self.by_first, self.by_last, self.memoryless_by_first, self.memoryless_by_last
+        return np.all([(of == np.roll(of, 1, axis=0)).reshape(len(of), -1).all(axis=1) for of in arrays], axis=0)
+
 
 def contact_variation(
     law: Law, numbers: np.ndarray, U: np.ndarray, harmonics: Harmonics, n_steps: int, n_within: int

@@ -5,7 +5,7 @@ of the pairs at its end follows from their forces there, and these from it.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -60,6 +60,14 @@ def _times(c: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return sum_j c_ij y_j, (i, m, n), where c has (i, j, m) or (i, j, m, m) and y (j, m, n).  Local."""
     products: np.ndarray = np.matmul(c, y) if c.ndim == 4 else c[..., None] * y
     return products.sum(axis=1)
+
+
+def _sums(place: np.ndarray, n: int) -> scipy.sparse.csr_array | None:
+    """Return the sum over the sliders of each of ``n`` pairs, (n, n_sliders); ``place`` (n_sliders,) ascending.  Local."""
+    if np.array_equal(place, np.arange(n)):
+        return None
+    starts = np.searchsorted(place, np.arange(n + 1))
+    return scipy.sparse.csr_array((np.ones(len(place)), np.arange(len(place)), starts), shape=(n, len(place)))
 
 
 def _summed(of_pairs: scipy.sparse.csr_array | None, of_sliders: np.ndarray) -> np.ndarray:
@@ -117,8 +125,7 @@ class CycleMap:
         self.root = np.sqrt(
             np.where(contact.stiffness > 0.0, contact.stiffness, 1.0)
         ).ravel()  # memory over it: root of an energy
-        m, n = len(contact.pairs), len(contact.slider_pair)
-        self.sum = scipy.sparse.csr_array((np.ones(n), (contact.slider_pair, np.arange(n))), shape=(m, n))
+        m = len(contact.pairs)
         vary = (contact.memoryless_by_first.any(axis=(0, 1)) | contact.memoryless_by_last.any(axis=(0, 1))).reshape(m, 3)
         vary[contact.slider_pair, :2] = True
         self.varies = vary.ravel()  # (3 m,) which components of the forces ever vary
@@ -142,9 +149,13 @@ class CycleMap:
     @cached_property
     def _steps(self) -> list[ContactStep | None]:
         """The contact of each step; None where no force varies."""
-        steps: list[ContactStep | None] = []
-        for i in range(self.contact.n_steps):
-            steps.append(self._contact_step(i, steps[-1].rows if steps and steps[-1] else np.zeros(0, dtype=int)))
+        none, steps = np.zeros(0, dtype=int), [self._contact_step(0, np.zeros(0, dtype=int))]
+        for i, repeats in enumerate(self.contact.repeats[1:], start=1):
+            before = steps[-1]
+            if repeats:  # as while a pair is open
+                steps.append(before and replace(before, fresh=none))
+            else:
+                steps.append(self._contact_step(i, before.rows if before else none))
         return steps
 
     def _contact_step(self, i: int, before: np.ndarray) -> ContactStep | None:
@@ -156,7 +167,7 @@ class CycleMap:
         if len(pairs) == 0:
             return None
         n, place = len(pairs), np.searchsorted(pairs, c.slider_pair[sliders])
-        of_pairs = None if np.array_equal(place, np.arange(n)) else self.sum[pairs][:, sliders]
+        of_pairs = _sums(place, n)
         rows = (3 * pairs[:, None] + np.arange(3)).ravel()
         chosen = np.flatnonzero(self.varies[rows])
         components = np.searchsorted(self.components, rows[chosen])
@@ -243,7 +254,7 @@ class CycleMap:
         """Return motion (3 m, k) and forces of the pairs at the begin of the cycle, from modes and memory."""
         k, m = x.shape[-1], len(self.contact.pairs)
         of_sliders = np.zeros((m, 3, k))
-        of_sliders[:, :2] = _summed(self.sum, p_t)
+        of_sliders[:, :2] = _summed(_sums(self.contact.slider_pair, m), p_t)
         of_sliders = of_sliders.reshape(-1, k)
         rate = self.contact.memoryless_by_last[-1, 0].ravel()
         d = np.linalg.solve(np.eye(3 * m) + self.G * rate, self.R @ x[0] - self.G @ of_sliders)
