@@ -13,7 +13,7 @@ from mpi4py import MPI
 from oracles import exact, scenes
 
 import microslip
-from microslip.contact.law import STICK
+from microslip.contact.law import OPEN, STICK
 from microslip.library import backbone
 from microslip.library.backbone import ModePoint, QuasiStatic, comes_to_gross_slip
 from microslip.messages.errors import CaseError
@@ -151,6 +151,9 @@ def test_points_without_a_solution_with_twice_the_harmonics_are_stated(structure
     assert [line for line in in_words(some) if "at 5 points: frequency within" in line]
     (line,) = [line for line in in_words(none) if "twice the harmonics" in line]
     assert f"no solution at 1 of 1 points, {size[last.point]:.4g} m" in line and "state more harmonics" in line
+    lifts = replace(none, points=(*mode.points[:-1], replace(mode.points[-1], state=np.array([OPEN]))))
+    (line,) = [line for line in in_words(lifts) if "twice the harmonics" in line]
+    assert f"pairs open from {size[-1]:.4g} m on" in line and "may have no solution" in line
 
 
 def test_phase_resonance_and_synthesis_are_forced_responses(structure):

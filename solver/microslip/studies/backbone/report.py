@@ -196,7 +196,7 @@ def in_words(result: Backbone) -> list[str]:
 def checks_in_words(result: Backbone, size: np.ndarray) -> list[str]:
     """Return lines on the points solved again, and on those that have no such solution; ``size``: (n_points,) of the output."""
     solved = [check for check in result.checks if check.is_solved]
-    missing = [f"{size[check.point]:.4g}" for check in result.checks if not check.is_solved]
+    missing = [check.point for check in result.checks if not check.is_solved]
     lines = []
     if solved:
         lines.append(
@@ -205,9 +205,13 @@ def checks_in_words(result: Backbone, size: np.ndarray) -> list[str]:
             f"{100.0 * max(abs(check.damping) / result.damping[check.point] for check in solved):.2g} % of itself"
         )
     if missing:
+        is_open, unit = (result.state == OPEN).any(axis=1), result.units[0]
+        advice = "state more harmonics"
+        if is_open[missing].all():
+            advice = f"pairs open from {size[is_open].min():.4g} {unit} on, where more harmonics may have no solution either"
         lines.append(
             f"with twice the harmonics and samples, no solution at {len(missing)} of {len(result.checks)} points, "
-            f"{', '.join(missing)} {result.units[0]} of {result.outputs[0]}: the error there is unknown; state more harmonics"
+            f"{', '.join(f'{size[i]:.4g}' for i in missing)} {unit} of {result.outputs[0]}: the error there is unknown; {advice}"
         )
     return lines
 
