@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from ..contact.law import OPEN, STICK
 from ..continuation.checkpointer import NO_CHECKPOINTS, Checkpointer
@@ -495,12 +494,16 @@ def opens_from(branch: Branch, open_at_rest: np.ndarray) -> float:
 
 def _between(y: np.ndarray, along: np.ndarray) -> np.ndarray:
     """Return values y (n, ...) between their places 0 to n - 1, by monotone cubics."""
+    from scipy.interpolate import PchipInterpolator  # slow import, seldom needed
+
     parts = [PchipInterpolator(np.arange(len(y)), part)(along) for part in (y.real, y.imag)]
     return parts[0] + 1j * parts[1] if np.iscomplexobj(y) else parts[0]
 
 
 def _areas(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the integrals of y between neighbouring x, by a monotone cubic."""
+    from scipy.interpolate import PchipInterpolator  # slow import, seldom needed
+
     total = PchipInterpolator(x, y).antiderivative()
     return np.diff(total(x))
 
