@@ -74,8 +74,8 @@ def test_parts_and_what_an_earlier_run_left_make_the_same_table(comm, scene, pro
             assert float(one[name]) == pytest.approx(float(other[name]), rel=1e-5, nan_ok=True), name
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.pictures
-@pytest.mark.ranks(1, 2)
 def test_indices_curves_and_numbers_one_by_one(comm, scene, program, shared_path):
     out, alone = shared_path / "out", shared_path / "alone"
     asked = "--scatter", f"{FRICTION}=5", "--scatter", "level=5", "--design", "indices", "--samples", "2", "--curves"

@@ -132,6 +132,7 @@ def test_a_curve_over_the_level_passes_folds():
 ISOLA = dict(level=0.0172, c=0.05, k_3=-1.9 / 0.75, k_5=1.6)  # from 0.31 to 0.42 rad/s, with amplitudes of 0.82 to 1.03
 
 
+@pytest.mark.ranks(1)
 def test_a_branch_that_no_curve_reaches_and_its_whole_loop():
     """Three amplitudes at 0.37 rad/s, of which the curve passes one; the other two lie on a closed branch, followed as a whole."""
     omega, low, high, all_pairs = 0.37, 0.05, 1.5, AllPairs()

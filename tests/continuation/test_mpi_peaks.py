@@ -54,6 +54,7 @@ def peaks(system, level, H, n_samples, points=40):
     return curve, peaks_of(forced(*reduced(system, COMM, H), n_samples, level), curve, 1e-9)
 
 
+@pytest.mark.ranks(1)
 def test_the_peak_of_one_harmonic_is_met_as_samples_grow():
     """Exact with one harmonic: 1.4979492641e-5 m at 209.21110546 rad/s."""
     for n_samples in (128, 256, 1024):
@@ -76,6 +77,7 @@ def exact_peak(level):
     return 1e-5 * np.exp(X), 209.2 * omega
 
 
+@pytest.mark.ranks(1)
 def test_peaks_of_exact_coefficients_are_those_of_the_closed_form():
     """At levels from just beyond stick, 110 N, to gross slip; 1.4979492641e-5 m at 209.21110546 rad/s."""
     assert exact_peak(123.024) == pytest.approx((1.4979492641e-5, 209.21110546), rel=1e-9)
@@ -223,6 +225,7 @@ def test_a_peak_near_the_end_of_a_branch_is_between_closer_solutions(monkeypatch
     assert amplitude(curve.points[0]) == pytest.approx(amplitude(lead), rel=1e-5)
 
 
+@pytest.mark.ranks(1)
 def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
     """One mass: its peak depends on level / (mu N) alone, so that half the friction is twice the level at half the size."""
     stuck, twice = (peaks(damper(), level, 1, 512)[1][0] for level in (1.0, 246.048))
@@ -258,6 +261,7 @@ def test_a_maximum_or_a_corner_is_enclosed(size, slope, failures):
     assert best.t == pytest.approx(0.3, abs=1e-6) and within < 2e-3 and not left
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_that_no_solve_reaches_says_so():
     """A tolerance below rounding: the highest point of the curve comes back, and is marked."""
     curve = branch(damper(), COMM, 123.024, H=1, n_samples=128, points=40)

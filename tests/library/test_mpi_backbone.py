@@ -296,6 +296,7 @@ def test_a_mode_of_one_frequency_is_compared_in_hertz():
     assert "frequency within 0.1 Hz, damping within 50 % of the largest" in statics_in_words(one, quasi)[0]
 
 
+@pytest.mark.ranks(1)
 def test_the_quasi_static_mode_says_where_it_does_not_hold_and_why_it_ends(structure):
     """A mass that lifts off, and one that only friction holds, which slides away under the load of both limits."""
     lifts = one_mass(k_n=np.ones(1), N0=np.ones(1), pair_dofs=[[-1, -1, 0, -1, -1, -1]])

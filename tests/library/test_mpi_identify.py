@@ -132,6 +132,7 @@ def test_what_data_do_not_see_is_said(structure, exact):
     assert fit[RATIO] == pytest.approx(0.02, rel=1e-3)
 
 
+@pytest.mark.ranks(1)
 def test_numbers_of_which_the_data_see_the_product_have_their_bounds_as_interval(structure, exact):
     bounds = {FRICTION: (0.3, 3.0), "joints.joint.preload": (0.4, 2.0)}
     fit = microslip.identify(structure, noisy(exact, 0), bounds, ratio=0.03)
@@ -140,12 +141,14 @@ def test_numbers_of_which_the_data_see_the_product_have_their_bounds_as_interval
     assert len(fit.alike) == 1 and fit.dof == 2 * len(exact["amplitude_m"]) - 1
 
 
+@pytest.mark.ranks(1)
 def test_as_many_numbers_as_rows_have_their_bounds_as_interval(structure, exact):
     one = {name: values[len(FREQUENCY) // 2 :][:1] for name, values in exact.items() if name != "phase_rad"}
     fit = microslip.identify(structure, one, {FRICTION: (0.3, 3.0)}, ratio=0.03)
     assert fit.dof == 0 and (fit.low[0], fit.high[0]) == pytest.approx((0.3, 3.0))
 
 
+@pytest.mark.ranks(1)
 def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, shared_path):
     """The normal stiffness of one mass that moves tangentially alone: a column of zeros in the Jacobian."""
     load = {"vector": [1.0], "harmonic": 1}
@@ -169,6 +172,7 @@ def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, s
     assert beside.evaluations < 15 and beside.values[:2] == pytest.approx(without.values, rel=1e-6)
 
 
+@pytest.mark.ranks(1)
 def test_peaks_of_the_closed_form_give_its_numbers_back(comm, shared_path):
     """One mass on a Jenkins element, one harmonic: limit 0.8 and stiffness 1.2 of those of the scene, intervals that hold them."""
     of, levels = {"m": 1.0, "c": 0.02, "k": 1.0, "k_t": 1.2, "muN": 0.8}, (0.2, 0.6, 1.0)
@@ -190,6 +194,7 @@ def test_peaks_of_the_closed_form_give_its_numbers_back(comm, shared_path):
     assert np.all(fit.low < [0.8, 1.2]) and np.all(fit.high > [0.8, 1.2])
 
 
+@pytest.mark.ranks(1)
 def test_the_jacobian_of_peaks_is_that_of_differences(structure):
     """Within the corners of 64 samples: those of the differences, too."""
     scene = scene_with(structure.scene, {"sensitivities": True, "error_bars": False}, {})
@@ -384,6 +389,7 @@ def test_damaged_universal_files_are_refused(tmp_path):
         read_measured(tmp_path / "none.unv", ("tip",), ("m",), LEVELS)
 
 
+@pytest.mark.ranks(1)
 def test_a_universal_file_of_results_is_identified(structure, comm, path, program, shared_path):
     """What `convert` writes, read again: the true numbers at once."""
     pytest.importorskip("pyuff")

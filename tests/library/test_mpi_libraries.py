@@ -68,6 +68,7 @@ def test_each_library_does_its_part_in_a_default_run(shared_path, monkeypatch):
     assert list(parts) == re.findall(r"^\| `(\w+)` \|", page, flags=re.M)
 
 
+@pytest.mark.ranks(1)
 def test_modes_and_factor_of_an_earlier_run_are_named_so(shared_path):
     parts_of_run(shared_path, "first", *SHORT)
     known = parts_of_run(shared_path, "second", *SHORT, "joints.joint.friction=0.04")

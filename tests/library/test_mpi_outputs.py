@@ -86,8 +86,8 @@ def test_every_method_meets_a_direct_solution(comm, shared_path):
             np.testing.assert_allclose(amplitudes / scale, exact / scale, rtol=0.0, atol=1e-8, err_msg=method)
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
-@pytest.mark.ranks(1, 2)
 def test_contact_forces_and_loads_accelerate_the_bar(comm, shared_path):
     """Newton's law of the bar, which nothing but its joint holds, while pairs slip: without damping, in every harmonic."""
     forces = "".join(

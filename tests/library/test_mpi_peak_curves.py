@@ -62,6 +62,7 @@ def structure(comm, path):
         yield built
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_over_friction_goes_down_to_small_values(structure):
     """Steps that would lead to negative friction are shortened."""
     (curve,) = microslip.peaks(structure, {"joints.joint.friction": (3.0, 0.02)}, level=0.8)
@@ -72,6 +73,7 @@ def test_a_peak_over_friction_goes_down_to_small_values(structure):
     )
 
 
+@pytest.mark.ranks(1)
 def test_the_peak_over_contact_stiffness_is_the_closed_form(structure):
     """The structure changes from one Newton iteration to the next."""
     (curve,) = microslip.peaks(structure, {"joints.joint.tangential_stiffness": (0.5, 3.0)}, level=0.8)
@@ -95,6 +97,7 @@ def test_the_peak_over_the_level_is_the_closed_form(structure):
     assert curve.damping[-1] < 0.02 < 0.1 < curve.damping.max()
 
 
+@pytest.mark.ranks(1)
 def test_peaks_of_modes_that_hardly_move_the_joint(comm, shared_path):
     """A mirror-symmetric chain with its joint in the middle: half of the modes do not move it, all peaks are those of curves."""
     n, levels = 6, (0.5, 3.0)
@@ -122,6 +125,7 @@ def test_peaks_of_modes_that_hardly_move_the_joint(comm, shared_path):
         assert amplitudes == pytest.approx([abs(peak.amplitude) for peak in branch.peaks], rel=1e-3)  # corners of 128 samples
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_over_friction_begins_where_the_pair_slides(structure):
     """From far beyond the first slip, down over the level and up over friction to the stuck pair."""
     (curve,) = microslip.peaks(structure, {"joints.joint.friction": (0.1, 3.0)}, level=0.8)
@@ -268,6 +272,7 @@ def test_without_damping_the_peak_of_the_stuck_structure_is_infinite(comm, share
     assert curves and all("the peak is infinite while all pairs stick" in curve.points.failure for curve in curves)
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_begins_on_the_curve_where_no_peak_over_the_level_leads_there(comm, shared_path, monkeypatch):
     n, level = 3, 5.0
     first = np.eye(n)[0]
@@ -304,6 +309,7 @@ def test_a_peak_begins_on_the_curve_where_no_peak_over_the_level_leads_there(com
             assert other.amplitude[place] == pytest.approx(one.amplitude[place], rel=1e-4)
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_that_is_not_near_is_searched_for_without_homotopies(structure, monkeypatch):
     response = prepare(structure).response
     near = peak_at(response, 0, 0.8)

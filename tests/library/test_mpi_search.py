@@ -38,6 +38,7 @@ def scene(shared_path):
     return write
 
 
+@pytest.mark.ranks(1)
 def test_three_solutions_of_which_one_is_unstable(scene):
     structure = microslip.build(scene(), COMM)
     solutions = microslip.search(structure, 1.25 / (2.0 * np.pi), starts=2)
@@ -107,6 +108,7 @@ def test_a_frequency_outside_the_range(scene):
     structure.close()
 
 
+@pytest.mark.ranks(1)
 def test_the_curve_through_a_solution_is_followed_both_ways(scene):
     """From the unstable solution between two folds each way passes a fold and comes back to the frequency at another solution."""
     structure, omega = microslip.build(scene(), COMM), 1.25

@@ -40,6 +40,7 @@ def response(structure):
     return microslip.respond(structure, sensitivities=True, peaks=True)
 
 
+@pytest.mark.ranks(1)
 def test_a_joint_is_the_sum_of_its_pairs_and_friction_that_of_other_responses(structure, response):
     table = response.sensitivity
     mu = np.unique(structure.pairs.mu)

@@ -68,6 +68,7 @@ def test_a_scale_of_the_load_is_another_level(mass):
     assert table.amplitude == pytest.approx(exactly, rel=30.0 / 128**2)
 
 
+@pytest.mark.ranks(1)
 def test_a_stuck_peak_has_the_width_and_damping_of_its_mode(mass):
     table = microslip.sweep(mass, {"level": [0.01, 0.02]})
     zeta = 0.5 * C / np.sqrt(2.0)
@@ -136,6 +137,7 @@ def test_factors_of_gaps_and_preloads_change_the_pairs_that_have_them(mass):
     assert pressed.amplitude == pytest.approx(rubbed.amplitude, rel=1e-9)
 
 
+@pytest.mark.ranks(1)
 def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, monkeypatch):
     table = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
     monkeypatch.setattr(sample_peaks, "MOST_BETWEEN", 1)
@@ -171,6 +173,7 @@ def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatc
     assert values
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize("mu", [1.0, 1e3])
 def test_the_update_holds_over_a_factor_of_a_hundred_either_way(comm, folder, mu):
     def of(k_t):
@@ -209,6 +212,7 @@ def test_samples_are_those_of_separate_structures(comm, bar):
             assert table[name][i] == pytest.approx(getattr(nominal, name), rel=bound, nan_ok=True), name
 
 
+@pytest.mark.ranks(1)
 def test_a_stated_accuracy_raises_the_harmonics_of_a_sample(comm, shared_path):
     """The scene itself needs three harmonics, a sample with less friction more; the truth by 15."""
     level, friction = 10.0, 0.3
@@ -299,6 +303,7 @@ def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_fro
         assert 2.0 * np.pi * width == pytest.approx(high - low, rel=2e-3)
 
 
+@pytest.mark.ranks(1)
 def test_the_width_is_that_of_the_closed_form_where_the_half_power_points_stick(comm, folder):
     """With a limit of 2.3 to 3 times the level, the mass slips at the peak and hardly or not at all at half the power."""
 
@@ -315,6 +320,7 @@ def test_the_width_is_that_of_the_closed_form_where_the_half_power_points_stick(
             assert table.samples[0].newton < 120 and not table.samples[0].is_followed
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize("way_out", ["_through_shares", "_along_branch"])
 def test_half_power_points_are_those_of_the_closed_form_by_each_way(mass, monkeypatch, way_out):
     def half_power(search, peak, way, start):

@@ -51,6 +51,7 @@ def logistic(cycles):
     return 1.0 / (b / X + (1.0 / N0 - b / X) * np.exp(a * X * cycles))
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize(("law", "coefficient"), [("energy", PER_ENERGY), ("archard", MU * PER_ENERGY)])
 def test_prescribed_slip_is_the_logistic(shared_path, law, coefficient):
     system = scenes.make_system(

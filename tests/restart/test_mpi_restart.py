@@ -417,7 +417,7 @@ def test_peaks_over_numbers_go_on_after_the_last_point(n_points, shared_path, mo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_points", [1, 7])
+@pytest.mark.parametrize("n_points", [1, pytest.param(7, marks=pytest.mark.ranks(1))])
 def test_a_nonlinear_mode_goes_on_after_the_last_point(n_points, shared_path, monkeypatch):
     of_mass = partial(write_matrix_scene, shared_path, scenes.jenkins_mass(), [0.4], (0.5, 2.0), harmonics=1, samples=64)
     scene, request = read_scene(on_root(COMM, of_mass)), backbone.Request(farthest=5.0)

@@ -76,6 +76,7 @@ def test_the_multiplier_at_a_fold_comes_to_1_with_the_harmonics(harmonics, sampl
     assert sum(DOUBTFUL in notes for notes in curve.notes) <= len(missed) + 1
 
 
+@pytest.mark.ranks(1)
 def test_the_curve_is_unstable_between_its_folds(curve):
     _, followed, bifurcations = curve
     first, last = (there.after for there in bifurcations if there.kind == FOLD)
@@ -85,6 +86,7 @@ def test_the_curve_is_unstable_between_its_folds(curve):
     assert all(stable[last + 2 :])
 
 
+@pytest.mark.ranks(1)
 def test_it_is_judged_as_an_independent_integration_judges(curve):
     system, followed, _ = curve
     if COMM.rank != 0:

@@ -63,6 +63,7 @@ def test_a_block_pressed_on_rough_ground_comes_as_near_as_the_power_says(comm, f
     assert pairs.k_t / pairs.k_n == pytest.approx(np.full(pairs.n_pairs, 1.4 / 1.7), rel=1e-12)
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_rough_surfaces_that_open_at_rest_vibrate_about_their_gaps(comm, folder):
     """Pressed from none; or opened from a stated pressure."""
