@@ -26,7 +26,7 @@ def test_the_highest_maximum_is_located_from_few_points(number):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", (76, 103, 108, 114, 129, 145, 155, 174))
+@pytest.mark.parametrize("number", [76, 103, 114, 129, *(pytest.param(n, marks=pytest.mark.study) for n in (108, 145, 155, 174))])
 def test_no_peak_is_lost_where_a_search_ends_elsewhere(number):
     """At a lower maximum, at none, or beside a higher one; where no point is a maximum, the curve turns much or goes to a closed one."""
     n_peaks, *_, not_located, lower = counts_of(number)

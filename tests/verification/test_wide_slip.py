@@ -9,7 +9,7 @@ from microslip.contact.law import OPEN, STICK
 from microslip.continuation.point_record import HELD
 
 
-@pytest.mark.parametrize("level", [5.0, 6.0])
+@pytest.mark.parametrize("level", [5.0, pytest.param(6.0, marks=pytest.mark.study)])
 def test_branch_is_followed_round_its_corners(level, tmp_path):
     case = ranks.two_elements()
     case.response["levels"] = [level]
