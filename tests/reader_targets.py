@@ -172,7 +172,7 @@ def _set_up(path: Path) -> Any:
     records = read_record(path)
     if records is None:
         return None
-    return structure_of(*records, None, MPI.COMM_SELF, lambda group: OnDemand(_nothing)), basis_of(*records)
+    return structure_of(*records, None, MPI.COMM_SELF, OnDemand(_nothing)), basis_of(*records)
 
 
 def _nothing() -> Factored:

@@ -73,7 +73,7 @@ class StoredStructure:
             modes_of = partial(self._modes, texts["modes"], structure.projected.omega_n, structure.n_proved)
             return rebuilt(scene, self.comm, log, self.factor, modes_of) if large is None else large(modes_of)
 
-        structure = structure_of(arrays, texts, scene, self.comm, lambda group: OnDemand(assemble))
+        structure = structure_of(arrays, texts, scene, self.comm, OnDemand(assemble))
         return structure
 
     def _modes(self, name: str, omega_n: np.ndarray, n_proved: int, linearised: Linearised) -> Modes:

@@ -4,8 +4,8 @@ All arrays are small and the same on every rank.  A restored structure computes 
 they are first needed.
 """
 
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Hashable, Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from ..library.build import Structure
 from ..mesh.data import ContactPairs
 from ..receptance.modes import ProjectedModes
 from ..receptance.observed import Observed
-from ..receptance.per_group import PerGroup
 from ..receptance.rigid_motion import RigidMotion
 from ..receptance.static_response import StaticResponse
 from ..receptance.structural_coupling import StructuralCoupling
@@ -30,6 +29,7 @@ from .records import Arrays
 
 _OF_MESH = ("weights1", "weights2", "notes")  # attributes of pairs that only the assembly needs
 _COUNTS = ("n_modes", "n_proved")
+_GROUP = "group/0"  # where the arrays of the only group of harmonics are
 _MADE: dict[str, type] = {SAMPLED: Samples, COUPLED: StructuralCoupling}  # types of data computed once per group, by key
 
 
@@ -43,8 +43,7 @@ def to_arrays(structure: Structure, basis: Basis | None = None) -> tuple[Arrays,
     arrays = {"n_dof": np.array(structure.n_dof), "has_mesh": np.array(structure.has_mesh)}
     if structure.numbers is not None:
         arrays["numbers"] = structure.numbers
-    for group, stuck in structure.computed_groups.items():
-        arrays |= over(f"group/{structure.per_group.groups.index(group)}", _of_group(stuck))
+    arrays |= over(_GROUP, _of_group(structure))
     texts: dict[str, Any] = {"joint": list(structure.pairs.joint), "laws": list(map(str, structure.pairs.laws))}
     texts |= {name: list(table.names) for name, table in tables.items()}
     if basis is not None:
@@ -92,20 +91,10 @@ def numbers_of(of: Any) -> Arrays:
 # -- and back ------------------------------------------------------------------------------------------------------
 
 
-def structure_of(
-    arrays: Arrays,
-    texts: Mapping[str, Any],
-    scene: Scene,
-    comm: MPI.Comm,
-    factored: Callable[[Hashable], OnDemand],
-    per_group: PerGroup[StuckStructure] | None = None,
-) -> Structure:
+def structure_of(arrays: Arrays, texts: Mapping[str, Any], scene: Scene, comm: MPI.Comm, factored: OnDemand) -> Structure:
     """Return the structure of arrays and texts, the same on every rank, without static columns.  Local.
 
-    Parameters
-    ----------
-    factored : returns the function that computes the large parts of a group of harmonics
-    per_group : computes the groups that are not among the arrays; None: the structure has one group
+    ``factored`` computes its large parts.
     """
     bolts, balance, observed = None, None, under("observed", arrays)
     if "bolts" in texts:
@@ -113,50 +102,34 @@ def structure_of(
     if "across_joints" in texts:
         joints = JointsAtRest(tuple(texts["across_joints"]), **under("across_joints", arrays))
         balance = Balance(joints, BodiesAtRest(tuple(texts["on_bodies"]), **under("on_bodies", arrays)))
-    common: dict[str, Any] = {
-        "scene": scene,
-        "comm": comm,
-        "n_dof": int(arrays["n_dof"]),
-        "has_mesh": bool(arrays["has_mesh"]),
-        "numbers": arrays.get("numbers"),
-        "pairs": pairs_of(arrays, texts),
-        "observed": Observed(**observed) if observed else None,
-        "bolts": bolts,
-        "balance": balance,
-    }
-    group_ids = PerGroup.single(None).groups if per_group is None else per_group.groups
-    stored = {group: under(f"group/{i}", arrays) for i, group in enumerate(group_ids)}
-    groups = {group: _group_of(of_group, comm, factored(group), group, common) for group, of_group in stored.items() if of_group}
-    if per_group is None:
-        return groups[group_ids[0]]
-    make = per_group.of_group
-    all_groups = PerGroup(lambda group: groups[group] if group in groups else make(group), per_group.group_of, group_ids)
-    for group, stuck in groups.items():
-        groups[group] = replace(stuck, groups=all_groups)
-    return groups[per_group.group_of(1)]
-
-
-def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashable, common: Mapping[str, Any]) -> Structure:
-    """Return the structure of one group of harmonics.  Local."""
+    stuck = under(_GROUP, arrays)
     projected, statics, counts = (
-        ProjectedModes(**under("projected", arrays)),
-        under("statics", arrays),
-        {n: int(arrays[n]) for n in _COUNTS},
+        ProjectedModes(**under("projected", stuck)),
+        under("statics", stuck),
+        {n: int(stuck[n]) for n in _COUNTS},
     )
     is_complex = np.iscomplexobj(projected.R_phi) or np.iscomplexobj(statics["out_R"])
     columns = factored.pair_columns(comm, statics["row_sums"], is_complex)
     results: dict[Hashable, Any] = {
-        (name, projected): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
+        (name, projected): _made_of(kind, under(name, stuck)) for name, kind in _MADE.items() if under(name, stuck)
     }
-    rigid = under("rigid", arrays)
+    rigid = under("rigid", stuck)
     return Structure(
+        scene=scene,
+        comm=comm,
+        n_dof=int(arrays["n_dof"]),
+        has_mesh=bool(arrays["has_mesh"]),
+        numbers=arrays.get("numbers"),
+        pairs=pairs_of(arrays, texts),
+        observed=Observed(**observed) if observed else None,
+        bolts=bolts,
+        balance=balance,
         projected=projected,
         rigid=RigidMotion(**rigid) if rigid else None,
         statics=StaticResponse(columns, **statics),
         factored=factored,
-        group=group,
         results=results,
-        **{**counts, **common},
+        **counts,
     )
 
 
