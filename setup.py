@@ -63,4 +63,5 @@ def kernels():
 
 
 if __name__ == "__main__":
-    setup(ext_modules=cythonize(kernels(), language_level=3))
+    at_once = {"build_ext": {"parallel": os.cpu_count()}}  # the extensions, which do not depend on each other
+    setup(ext_modules=cythonize(kernels(), language_level=3), options=at_once)
