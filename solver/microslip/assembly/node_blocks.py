@@ -63,7 +63,6 @@ class BlockSum:
     """Sums of element matrices per pair of nodes, ``data[i, j]`` component i of the row, j of the column node."""
 
     def __init__(self, pattern: NodePattern, n_components: int):
-        self.pattern = pattern
         self.data = np.zeros((n_components, n_components, len(pattern.indices)))
 
     def add(self, is_owned: np.ndarray, positions: np.ndarray, matrices: np.ndarray) -> None:

@@ -168,7 +168,6 @@ def follow_mode(
     tolerance: float,
     on_point: Callable[[Point], None] = lambda point: None,
     until: Callable[[Point], bool] = lambda point: False,
-    steps: ArcLength = STEPS_OF_MODES,
     checkpointer: Checkpointer = NO_CHECKPOINTS,
 ) -> Branch:
     """Return the branch of a nonlinear mode over ln q, from its checkpoints if there are any.  Collective.
@@ -182,7 +181,7 @@ def follow_mode(
     -------
     branch : ``parameters`` of a point are ln q, omega [rad/s] and sigma [1/s]; why it ends early is in ``failure``
     """
-    task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
+    task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_MODES, tolerance)
     return finished_or(
         checkpointer, lambda: follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until), on_point
     )

@@ -56,7 +56,7 @@ class Gatherer:
     """Gathers the rows of all ranks in rank order and sums a few floats, in one call.  Sizes are exchanged once."""
 
     def __init__(self, comm: MPI.Comm, n_owned: int, n_extras: int):
-        self.comm, self.n_extras = comm, n_extras
+        self.comm = comm
         if comm.size > 1:
             self.counts = np.array(comm.allgather(n_owned)) + n_extras
             self.starts = np.concatenate([[0], np.cumsum(self.counts)])

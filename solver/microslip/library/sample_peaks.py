@@ -187,7 +187,7 @@ class SamplePeaks:
             raise error(f"{scene.source}: sweep: the scene itself has no peak at {level:g}: {peak}")
         self.resolution = Resolution(peak[1], peak[2], of.settings.tolerance)
         near = peak[0][0].parameter
-        linear = self._nearest_linear(of, level, near)
+        linear = self._nearest_linear(of, near)
         self.target = near if linear is None else linear.omega
         self.grid = np.linspace(min(of.sweep.start, of.sweep.stop), max(of.sweep.start, of.sweep.stop), CURVE_POINTS)
         problem = _Problem(of, level, self.resolution)
@@ -311,7 +311,7 @@ class SamplePeaks:
         ``near``: frequency [rad/s] that its linear peak is nearest to, by default that of the scene itself.
         """
         of, values = problem.of, tuple(map(float, x))
-        linear = self._nearest_linear(of, problem.level, near)
+        linear = self._nearest_linear(of, near)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
 
         def needs_width(point: Point) -> bool:
@@ -337,7 +337,7 @@ class SamplePeaks:
 
     def _of_linear(self, problem: _Problem, x: np.ndarray, branch: Branch | None) -> Sample:
         """Return the sample of a structure without pairs: the linear peak nearest to that of the scene itself.  Collective."""
-        values, linear = tuple(map(float, x)), self._nearest_linear(problem.of, problem.level, None)
+        values, linear = tuple(map(float, x)), self._nearest_linear(problem.of, None)
         if linear is None:
             return Sample(values, FAILED, "its linear response has no peak in [response] frequencies")
         forced = problem.forced(False)
@@ -440,7 +440,7 @@ class SamplePeaks:
         fields = comm.bcast(numbers() if comm.rank == 0 else None)
         return Sample(values, **fields)
 
-    def _nearest_linear(self, of: ResponseProblem, level: float, omega: float | None) -> Peak | None:
+    def _nearest_linear(self, of: ResponseProblem, omega: float | None) -> Peak | None:
         """Return the linear peak nearest to a frequency [rad/s], by default to that of the scene itself; None without one."""
         peaks, near = linear_peaks(of, of.model, self.output), omega or self.target
         return min(peaks, key=lambda peak: abs(np.log(peak.omega / near)), default=None)

@@ -42,7 +42,6 @@ class RigidModes:
     comm: MPI.Comm
     phi_owned: np.ndarray  # (n_owned, n)
     M_phi_owned: np.ndarray  # (n_owned, n)
-    strain: float  # the largest z^T K_L z / z^T diag(K_L) z of them: rounding, where nothing but inertia acts on them
 
     @property
     def n(self) -> int:
@@ -79,7 +78,7 @@ def rigid_modes(A: PETSc.Mat, M: PETSc.Mat, motions_owned: np.ndarray) -> RigidM
     if not is_free.all():  # else in the order of the motions, which no rounding changes
         Z_owned = Z_owned @ q[:, is_free]
     phi_owned = _independent(comm, Z_owned, gram(comm, Z_owned, multiply(M, Z_owned)))
-    return RigidModes(comm, phi_owned, multiply(M, phi_owned), float(np.abs(strains[is_free]).max()))
+    return RigidModes(comm, phi_owned, multiply(M, phi_owned))
 
 
 def _independent(comm: MPI.Comm, Z_owned: np.ndarray, G: np.ndarray) -> np.ndarray:

@@ -350,9 +350,7 @@ class StuckStructure:
         modes = lowest_modes(self.linearised, n_modes, verify, allows_fewer, search)
         return conjugated(modes) if self.is_conjugate else modes
 
-    def with_lowest(
-        self, n_modes: int, verify: bool = True, allows_fewer: bool = False, search: ModeSearch | None = None
-    ) -> Self:
+    def with_lowest(self, n_modes: int, verify: bool = True, allows_fewer: bool = False) -> Self:
         """Return the structure with its lowest ``n_modes`` in use: computed already, or by :meth:`lowest_modes`.
 
         Collective.
@@ -361,7 +359,7 @@ class StuckStructure:
             structure = self.using_proved(n_modes) if verify else self.using(n_modes)
             if structure is not None:
                 return structure
-        return self.with_modes(self.lowest_modes(n_modes, verify, allows_fewer, search))
+        return self.with_modes(self.lowest_modes(n_modes, verify, allows_fewer))
 
     def using_proved(self, n_modes: int) -> Self | None:
         """Return the structure with its first ``n_modes`` in use, None if they cannot be proved to be the lowest.

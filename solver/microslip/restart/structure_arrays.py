@@ -28,7 +28,6 @@ from ..statics.bolts import BoltsAtRest
 from .records import Arrays
 
 _OF_MESH = ("weights1", "weights2", "notes")  # attributes of pairs that only the assembly needs
-_COUNTS = ("n_modes", "n_proved")
 _GROUP = "group/0"  # where the arrays of the only group of harmonics are
 _MADE: dict[str, type] = {SAMPLED: Samples, COUPLED: StructuralCoupling}  # types of data computed once per group, by key
 
@@ -56,7 +55,7 @@ def to_arrays(structure: Structure, basis: Basis | None = None) -> tuple[Arrays,
 
 def _of_group(stuck: StuckStructure) -> Arrays:
     """Return the arrays of one group of harmonics."""
-    arrays = {name: np.array(getattr(stuck, name)) for name in _COUNTS}
+    arrays = {name: np.array(getattr(stuck, name)) for name in ("n_modes", "n_proved")}
     made = {name: stuck.results.get((name, stuck.projected)) for name in _MADE}
     for name, part in {"projected": stuck.projected, "statics": stuck.statics, "rigid": stuck.rigid, **made}.items():
         arrays |= over(name, numbers_of(part)) if part is not None else {}
@@ -103,11 +102,7 @@ def structure_of(arrays: Arrays, texts: Mapping[str, Any], scene: Scene, comm: M
         joints = JointsAtRest(tuple(texts["across_joints"]), **under("across_joints", arrays))
         balance = Balance(joints, BodiesAtRest(tuple(texts["on_bodies"]), **under("on_bodies", arrays)))
     stuck = under(_GROUP, arrays)
-    projected, statics, counts = (
-        ProjectedModes(**under("projected", stuck)),
-        under("statics", stuck),
-        {n: int(stuck[n]) for n in _COUNTS},
-    )
+    projected, statics = ProjectedModes(**under("projected", stuck)), under("statics", stuck)
     is_complex = np.iscomplexobj(projected.R_phi) or np.iscomplexobj(statics["out_R"])
     columns = factored.pair_columns(comm, statics["row_sums"], is_complex)
     results: dict[Hashable, Any] = {
@@ -129,7 +124,8 @@ def structure_of(arrays: Arrays, texts: Mapping[str, Any], scene: Scene, comm: M
         statics=StaticResponse(columns, **statics),
         factored=factored,
         results=results,
-        **counts,
+        n_modes=int(stuck["n_modes"]),
+        n_proved=int(stuck["n_proved"]),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,14 +102,7 @@ class Acceleration:
         return x + np.where(F != 0.0, step, 0.0)
 
 
-def steady_state(
-    march: March,
-    start: Start,
-    tolerance: float,
-    most_periods: int,
-    accelerated: bool = True,
-    report: Callable[[str], None] = lambda text: None,
-) -> SteadyState:
+def steady_state(march: March, start: Start, tolerance: float, most_periods: int, accelerated: bool = True) -> SteadyState:
     """Return for every point the steady period, or the period closest to it.  Local.
 
     Without ``accelerated`` the points are marched to their steady state, from rest under a load that grows over ``RAMP`` periods.
@@ -149,7 +141,6 @@ def steady_state(
                 steady[left[i]] = (now.take([i]), _single(cycle, i), period, change[i], distance[i])
         before_p = now.p
         done = (merit <= tolerance) & (ramp is None)
-        report(f"period {period}: {len(left)} points, largest distance {distance.max():.1e}, change of p {moved.max():.1e}")
         if done.all():
             break
         now = Start(z, p)

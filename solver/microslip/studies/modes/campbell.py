@@ -25,7 +25,6 @@ class Campbell:
 
     speed: np.ndarray  # (n_speeds,) rad/s, ascending
     frequency: np.ndarray  # (n_families, n_speeds) Hz
-    likeness: np.ndarray  # (n_families, n_speeds - 1) |phi_a^H M phi_b| from one speed to the next
     power: int = 2  # p: f^p is linear in Omega^p between two speeds; 1 with Coriolis forces
 
 
@@ -39,15 +38,15 @@ class Crossing:
     frequency: float  # Hz
 
 
-def follow_families(comm: MPI.Comm, phi_owned: np.ndarray, M_phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return for each earlier mode the most similar later mode, (n,), and their similarity, (n,).  Collective: one sum.
+def follow_families(comm: MPI.Comm, phi_owned: np.ndarray, M_phi_owned: np.ndarray) -> np.ndarray:
+    """Return for each earlier mode the most similar later mode, (n,).  Collective: one sum.
 
     ``phi_owned`` are the earlier modes, ``M_phi_owned`` the later ones times M.  The assignment is the one with the largest sum
     of |phi_a^H M phi_b|^2, so that families cross where their frequencies do.
     """
     product = np.abs(gram(comm, phi_owned, M_phi_owned))
     _, partner = linear_sum_assignment(-(product**2))
-    return partner, product[np.arange(len(partner)), partner]
+    return partner
 
 
 class Families:
@@ -57,15 +56,13 @@ class Families:
         self._power = power
         self._last: np.ndarray | None = None
         self._frequency: list[np.ndarray] = []
-        self._likeness: list[np.ndarray] = []
 
     def add(self, comm: MPI.Comm, frequency: np.ndarray, phi_owned: np.ndarray, M_phi_owned: np.ndarray) -> None:
         """Add the modes at the next speed, in the order of the families.  Collective."""
         if self._last is not None:
             n = min(self._last.shape[1], len(frequency))
-            order, likeness = follow_families(comm, self._last[:, :n], M_phi_owned[:, :n])
+            order = follow_families(comm, self._last[:, :n], M_phi_owned[:, :n])
             frequency, phi_owned = frequency[order], phi_owned[:, order]
-            self._likeness.append(likeness)
         self._last = phi_owned
         self._frequency.append(frequency)
 
@@ -73,8 +70,7 @@ class Families:
         """Return the families that exist at all speeds.  Local."""
         n = min(map(len, self._frequency))
         frequency = np.array([each[:n] for each in self._frequency]).T
-        likeness = np.array([each[:n] for each in self._likeness]).reshape(-1, n).T
-        return Campbell(np.array(speeds), frequency, likeness, self._power)
+        return Campbell(np.array(speeds), frequency, self._power)
 
 
 def crossings(campbell: Campbell, orders: Sequence[int]) -> list[Crossing]:
