@@ -230,6 +230,7 @@ def test_archard_needs_friction_and_names_the_joint(comm, folder):
         WearingJoint(structure)
 
 
+@pytest.mark.ranks(1)
 def test_the_library_and_the_program_wear_alike(program, shared_path):
     keys = {"coefficient": 1e-3, "cycles": 20.0, "area": {"joint": 1.0}, "jump": 0.1, "tolerance": 0.3}
     path, out = scene_with_wear(shared_path, one_mass(), [0.8], (0.5, 2.0), OF_MASS, **JENKINS), shared_path / "out"
