@@ -142,6 +142,28 @@ def test_what_is_calm_is_lowered_and_what_came_back_stays_longer():
     assert [step.harmonics.highest for step in steps] == [9, 9, 9, 9, 9, 7]
 
 
+def test_harmonics_that_do_not_reduce_the_bar_are_not_raised_further():
+    """Where the mean slip is nearly free, the bar stays as large with 31 harmonics as with 11; it would cost all points after."""
+    accuracy, calm = Accuracy(1e-3, Resolution(Harmonics.up_to(1), 64)), {"samples": 0.1, "solver": 0.0}
+    before, raised = Resolution(Harmonics.up_to(11), 128), Resolution(Harmonics.up_to(15), 128)
+    finer, memory = accuracy.finer(before, {"harmonics": 1.5, **calm}, Memory())
+    assert finer == raised
+    missed = {"harmonics": 1.4, **calm}
+    finer, memory = accuracy.finer(raised, missed, memory)
+    assert finer is None
+    following, memory = accuracy.coarser(raised, missed, memory)
+    assert following == before
+    assert accuracy.finer(before, missed, memory)[0] is None  # at the next points, either
+    _, memory = accuracy.coarser(before, {"harmonics": 0.9, **calm}, memory)
+    assert accuracy.finer(before, missed, memory)[0].harmonics.highest > 11  # until one meets the accuracy
+    _, memory = accuracy.finer(before, missed, Memory())
+    assert accuracy.coarser(before, missed, memory.after_raising())[1].ceiling == 11  # Newton's method failed with more
+    _, memory = accuracy.finer(Resolution(Harmonics.up_to(3), 64), {"harmonics": 3.0, **calm}, Memory())
+    assert (
+        accuracy.finer(Resolution(Harmonics.up_to(7), 64), {"harmonics": 4.0, **calm}, memory)[0] is not None
+    )  # few: more may do
+
+
 def test_memory_is_a_value():
     accuracy, before = Accuracy(1e-3, Resolution(Harmonics.up_to(1), 16)), Memory()
     judged(accuracy, Resolution(Harmonics.up_to(9), 512), [np.ones((1, 5))], before, "finer")

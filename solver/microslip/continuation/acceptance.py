@@ -23,7 +23,10 @@ from .task import BranchTask
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
+MISSED = (
+    "accuracy not met: more harmonics or samples than the program uses or the scene states, "
+    "no convergence with them, or error bars that they do not reduce"
+)
 UNBALANCED = 5e-6  # of the forces beyond which a point is not one, at a tolerance of 1e-8
 SHARPER = 1e-2  # of its tolerance, with which a point is solved again whose work or forces do not balance
 SHARPEST = 1e-13  # tolerance below which there is nothing but rounding
@@ -73,6 +76,7 @@ def accept(
         finer, memory = accuracy.finer(solver.resolution, ratios, memory) if accuracy else (None, memory)
         better = solve_with(solver, finer, solution, force_at(solver, solution[0], point)) if finer else None
         if not better:
+            memory = memory.after_raising() if finer else memory
             break
         solution, solver = better
     if task.has_stability and not on_the_way:

@@ -25,6 +25,7 @@ PER_HARMONIC = 4  # samples a harmonic, at least
 FAINT_OUTPUT = 1e-3  # of the largest output: fainter ones are judged against that
 LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}  # share of what is allowed, below which less will do
 IN_A_ROW = 3  # points in a row
+MUST_PAY, PAYS = 9, 0.8  # harmonics from which more of them must reduce the ratio to this share; by 1 / H^2 it would be 0.67
 SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}  # of the accuracy; parts are estimates, some half of what is true
 BOTH = SHARES["harmonics"] + SHARES["samples"]  # together: samples may use what harmonics leave
 TOLERANCE = 1e-2  # of Newton, times the accuracy
@@ -67,11 +68,22 @@ class Memory:
     peak: np.ndarray | None = None  # (n_outputs,) largest amplitude so far [m]
     calm: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))  # points in a row, by part
     patience: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, IN_A_ROW))
+    ceiling: int = MOST_HARMONICS  # no more harmonics than these, while more of them do not reduce the error bar
+    raised: tuple[int, float] | None = None  # harmonics and their ratio at this point before they were raised
 
     def after_too_few(self, part: str) -> Memory:
         """Return the memory after a resolution that was too low: it will be lowered more slowly.  Local."""
         patience = min(2 * self.patience[part], 48)
         return replace(self, calm={**self.calm, part: 0}, patience={**self.patience, part: patience})
+
+    def after_raising(self, ratio: float = np.inf) -> Memory:
+        """Return the memory after harmonics were raised, now with this ratio, or in vain: Newton's method failed.  Local.
+
+        Where the mean slip is nearly free, the bar stays large with any number of harmonics, and only the cost grows.
+        """
+        if self.raised is None or self.raised[0] < MUST_PAY or ratio <= max(1.0, PAYS * self.raised[1]):
+            return self
+        return replace(self, ceiling=min(self.ceiling, self.raised[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +129,12 @@ class Accuracy:
         """Return the resolution for solving the point again; None if it is sufficient or the finest."""
         if not ratios:
             return None, memory
-        resolution, H = now, now.harmonics.highest
-        most = min(MOST_HARMONICS, (now.n_samples - 1) // 2) if "samples" in self.keeps else MOST_HARMONICS
+        resolution, H, memory = now, now.harmonics.highest, memory.after_raising(ratios["harmonics"])
+        most = min(memory.ceiling, (now.n_samples - 1) // 2) if "samples" in self.keeps else memory.ceiling
         if ratios["harmonics"] > 1.0 and "harmonics" not in self.keeps and H + 2 <= most:
             grown = int(np.clip(np.ceil(H * np.sqrt(ratios["harmonics"])), H + 2, 2 * H + 1))
             resolution = resolution.with_highest(min(grown + (grown - H) % 2, most - (most - H) % 2), "samples" in self.keeps)
-            memory = memory.after_too_few("harmonics")
+            memory = replace(memory.after_too_few("harmonics"), raised=(H, ratios["harmonics"]))
         if ratios["samples"] > 1.0 and "samples" not in self.keeps and now.n_samples < MOST_SAMPLES:
             grown = samples_from(now.n_samples * min(ratios["samples"], 8.0))
             resolution = replace(resolution, n_samples=min(max(grown, resolution.n_samples), MOST_SAMPLES))
@@ -147,13 +159,17 @@ class Accuracy:
         is_calm = {part: part not in self.keeps and calm[part] >= memory.patience[part] for part in SHARES}
         if is_calm["harmonics"] and H - 2 >= self.coarsest.harmonics.highest:
             resolution = resolution.with_highest(H - 2, "samples" in self.keeps)
+        elif H > memory.ceiling:
+            resolution = resolution.with_highest(memory.ceiling, "samples" in self.keeps)
+        ceiling = memory.ceiling if ratios["harmonics"] > 1.0 else MOST_HARMONICS
         least = max(self.coarsest.n_samples, least_samples(resolution.harmonics.highest))
         fewer = samples_from(0.5 * now.n_samples)
         if is_calm["samples"] and fewer >= least:
             resolution = replace(resolution, n_samples=fewer)
         if is_calm["solver"]:
             resolution = replace(resolution, tolerance=self.coarsest.tolerance)
-        return resolution, replace(memory, calm={part: 0 if is_calm[part] else calm[part] for part in SHARES})
+        calm = {part: 0 if is_calm[part] else calm[part] for part in SHARES}
+        return resolution, replace(memory, calm=calm, ceiling=ceiling, raised=None)
 
     def stretch(self, responses: list[np.ndarray], steps: tuple[float, float], memory: Memory) -> float:
         """Return the factor from the last step to the next, from the amplitudes (n_outputs,) at the last three points."""

@@ -59,6 +59,7 @@ def state_arrays(state: BranchState) -> Arrays:
         "harmonics": np.array(equation.harmonics.chosen),
         "step": np.array([state.ds, solver.is_linear, state.is_done, newton.needs_preconditioner]),
         "counts": np.array([*memory.calm.values(), *memory.patience.values()]),
+        "ceiling": np.array(memory.ceiling),
     }
     if memory.peak is not None:
         arrays["peak"] = memory.peak
@@ -95,7 +96,7 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     ds, is_linear, is_done, needs_preconditioner = arrays["step"]
     parts = start.memory.calm.keys()
     calm, patience = (dict(zip(parts, map(int, counts))) for counts in arrays["counts"].reshape(2, -1))
-    memory = Memory(arrays.get("peak"), calm, patience)
+    memory = Memory(arrays.get("peak"), calm, patience, int(arrays["ceiling"]))
     points = {name: point_state(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
     corrector = workspace.corrector(solver.equation, solver.resolution)
     if "beside/bend" in arrays:
