@@ -20,7 +20,7 @@ JOBS = Path(__file__).parents[2] / "jobs"
             "jenkins",
             [
                 "matrices   1 DOF; entries: stiffness 1, mass 1, damping 1",
-                "slider: 1 pairs, normal preload 2 N in all",
+                "slider: 1 pair, normal preload 2 N in all",
                 "method     receptance: harmonics 0 to 15",
                 "modes      all",
             ],
@@ -82,7 +82,7 @@ def test_statics_run_from_scene_to_pictures(tmp_path, program):
         assert stays == (of_level[0]["sticking"] == "1") == (level == 0.02)
         said = log[log.index(f": {level:g} N, ") :]
         said = said[: said.index("m/N")]
-        assert f"{mean:.5e}" in said and f"displacement {mean:.4e} m" in said and "one point in " in said
+        assert f"{mean:.5e}" in said and f"displacement {mean:.4e} m" in said and "1 point in " in said
         assert "mean_m" in said and "amplitude_m" not in said
     assert "further points of [response]: harmonics = 0, constant loads have the same response at every frequency" in log
     assert "error bars: they estimate harmonic 1, and harmonics = 0" in log

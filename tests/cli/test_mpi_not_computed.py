@@ -63,7 +63,7 @@ def test_no_static_column_where_nothing_slips(tmp_path, program):
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.01, 0.02], (1.0, 1.6), outputs=[0], points=8, accuracy=1e-3)
     run(program, tmp_path / "scene.toml")
     said = not_computed(tmp_path / "out" / "run.log")
-    assert "static columns of 1 of 1 pairs: these pairs were always stuck" in said
+    assert "static columns of 1 of 1 pair: these pairs were always stuck" in said
     assert "Newton iterations at 0.01, 0.02 N: no pair leaves sticking, the linear response is scaled" in said
 
 

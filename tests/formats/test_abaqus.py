@@ -524,7 +524,7 @@ def test_the_conditions_are_those_of_the_chosen_step(tmp_path, step, held, at_re
     assert model.step == (step or 1)
     assert (None if model.statics is None else model.statics.word) == at_rest
     if at_rest:
-        assert model.statics.kinds == ["1 forces"] and words(model) == [at_rest]
+        assert model.statics.kinds == ["1 force"] and words(model) == [at_rest]
         assert model.statics.table.forces[0].force == (0.0, 0.0, -2.0)
 
 

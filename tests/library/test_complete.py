@@ -56,7 +56,7 @@ def test_everything_is_taken_over_in_si_units(tmp_path):
     point = completed.points[0]
     assert point.position == pytest.approx((1e-3, 2e-3, 3e-3))
     assert point.mass == pytest.approx(2.0) and point.inertia[:3] == pytest.approx((4e-6, 5e-6, 6e-6))
-    assert "1 bodies taken over from job.inp: beam" in notes
+    assert "1 body taken over from job.inp: beam" in notes
 
 
 def test_what_the_scene_states_stands(tmp_path):
@@ -145,7 +145,7 @@ def test_loads_before_the_vibration_become_statics(tmp_path):
     assert (
         statics.deformed_shape
         and not any(WORD in note for note in notes)
-        and "[statics] with 1 forces, 1 pressures, 1 bolts and rotation of step 1 taken over from job.inp" in notes
+        and "[statics] with 1 force, 1 pressure, 1 bolt and rotation of step 1 taken over from job.inp" in notes
     )
 
 
@@ -232,7 +232,7 @@ def test_a_contact_of_the_file_becomes_a_joint_that_its_loads_press(tmp_path):
     assert (joint.tangential_stiffness, joint.normal_stiffness) == pytest.approx((2e9, 3e9))
     assert (joint.preload, joint.gap, joint.tolerance) == ("static", 0.0, pytest.approx(5e-4))
     assert joint.stated_values["preload"] == 0.0
-    assert "1 joints taken over from job.inp: lap" in notes and not any("CONTACT" in note for note in notes)
+    assert "1 joint taken over from job.inp: lap" in notes and not any("CONTACT" in note for note in notes)
     far = {**IN_CONTACT, "joints": (RUBBING.with_keys(tolerance=None, gap="geometry"),)}
     joint = complete(scene(tmp_path), model(**far))[0].joints[0]
     assert (joint.gap, joint.tolerance) == ("geometry", None)

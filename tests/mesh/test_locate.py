@@ -5,7 +5,7 @@ import pytest
 from box_meshes import box, joint, mesh_of, settings
 
 from microslip.mesh.connected import check_fixed, connected_parts
-from microslip.mesh.locate import find_node, nearest_node
+from microslip.mesh.locate import find_node, nearest_node, notes_on_positions
 from microslip.mesh.pairing import pair_contacts
 from microslip.messages.errors import CaseError, MeshError
 
@@ -27,6 +27,16 @@ def test_find_node():
     assert nearest_node(mesh, (0.5, 0.5, 2.1))[1] == pytest.approx(0.1)
     assert mesh.numbers[find_node(mesh, node=1005)].tolist() == [1005]
     assert len(find_node(mesh, group="base")) == 9
+
+
+def test_a_position_on_both_sides_of_a_joint_names_the_node_used():
+    mesh = stack()
+    loads = ({"position": (0.0, 0.0, 1.0), "direction": (1, 0, 0)}, {"position": (0.0, 0.0, 2.0), "direction": (1, 0, 0)})
+    tables = settings(
+        {"low": "low", "high": "high"}, loads=loads, outputs=({"name": "tip", "node": 1030, "direction": (1, 0, 0)},)
+    )
+    (note,) = notes_on_positions(mesh, tables)
+    assert note.startswith("[[loads]] 1: node 1003 of 'low' is used; at the same place: node 1028 of 'high'")
 
 
 def test_find_node_fails_with_one_message():

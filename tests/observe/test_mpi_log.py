@@ -120,7 +120,7 @@ def test_of_statics_the_mean_is_told_with_its_sign(path):
         notify("level_finished", 0, still)
     head, line, total = [each for each in lines(path) if "mean_m" in each or "e-06" in each]
     assert head.split()[2] == "mean_m" and line.split()[2] == "-2.00000e-06"
-    assert "one point in" in total and "displacement -2.0000e-06 m (-5.0000e-07 m/N) at every frequency" in total
+    assert "1 point in" in total and "displacement -2.0000e-06 m (-5.0000e-07 m/N) at every frequency" in total
 
 
 def test_points_of_mixed_levels_say_whose_they_are_and_are_counted_by_level(path):

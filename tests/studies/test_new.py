@@ -144,12 +144,12 @@ def test_a_contact_of_the_file_with_a_gap_is_a_joint_where_its_surfaces_are_oppo
     assert "joints     FEET_TOP: FEET on TOP: 3 faces on 3, 5e-05 m2, 0.004 m apart" in said
     assert "step = in the scene takes its loads, which act at rest and may close the gap" in said
     text = filled(tmp_path / "m.toml")
-    assert 'gap = "geometry"' in text and "become [statics]: 1 forces" in text and 'title = "m.inp, first mode"' in text
+    assert 'gap = "geometry"' in text and "become [statics]: 1 force" in text and 'title = "m.inp, first mode"' in text
     scene = read_scene(tmp_path / "m.toml")
     assert scene.model.step == 1 and scene.joints[0].friction == 0.25
     file = read_model(str(path), 1)
     completed, notes = complete(scene, file)
-    assert completed.statics.forces and any("[statics] with 1 forces" in note for note in notes)
+    assert completed.statics.forces and any("[statics] with 1 force" in note for note in notes)
     mesh, _ = whole_mesh(str(path), file, UNITS["m-kg-s"])
     pairs = pair_contacts(mesh, completed.joints)
     assert pairs.area.sum() == pytest.approx(5e-5) and "WARNING: joint 'FEET_TOP'" in pairs.notes[0]

@@ -12,6 +12,7 @@ from ..guards.memory import refuse_beyond
 from ..mesh.connected import check_fixed, connected_parts, loose_bodies
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
 from ..mesh.links import Links, find_links, fixed_places
+from ..mesh.locate import notes_on_positions
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_root, raise_together
 from ..tables.structure_tables import StructureTables
@@ -138,6 +139,7 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         links=links,
         loose=loose_bodies(part, len(part_names), mesh, tables.supports, links),
         notes=(
+            *notes_on_positions(mesh, tables),
             *((FREE,) if free.shape[1] == 6 else ()),
             *notes_on_pairs(pairs, links, is_fixed, str(tables.path)),
             *left_free(free),

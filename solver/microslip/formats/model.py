@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..messages.words import counted
 from ..tables.constant_loads import Bolt, Statics
 from ..tables.joint import Joint
 from ..tables.structure import Body, Mass, Material, Orientation, Point, Spring, Support, Tie
@@ -111,8 +112,8 @@ class LoadsAtRest:
     def kinds(self) -> list[str]:
         """Return a text for each kind of load that is present."""
         names = ("forces", "pressures", "bolts", "temperatures", "displacements")
-        counted = [f"{len(entries)} {name}" for name in names if (entries := getattr(self.table, name))]
-        return counted + ["rotation"] * bool(self.table.rotation_speed)
+        present = [counted(len(entries), name[:-1]) for name in names if (entries := getattr(self.table, name))]
+        return present + ["rotation"] * bool(self.table.rotation_speed)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,7 @@ from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
 from ..mesh.sector_factors import factors_of, notes_on_sectors, pairs_of_all_sectors
 from ..messages.errors import CaseError
+from ..messages.words import counted
 from ..modes.eigen import Modes
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
@@ -192,7 +193,7 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     """
     scene, pairs, settings = parts.scene, parts.rest.pairs, reduction_settings(parts.scene)
     system = with_contact_forces(parts.rest.system, pairs, scene.outputs)
-    log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
+    log.note(f"{system.n_dof} DOF, {counted(pairs.n_pairs, 'contact pair')}")
     refuse_too_many(settings.modes, system.n_dof, scene.path)
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..formats.model import FileModel, Finding
 from ..formats.read import read_model
 from ..messages.errors import CaseError, Faults
-from ..messages.words import hint, listed
+from ..messages.words import counted, hint, listed
 from ..parallel.agree import on_root
 from ..scene.checks import remarks
 from ..scene.read import completed
@@ -73,7 +73,11 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
         if entries:
             _refuse_unknown_units(scene, part)
             tables[part] = _joined(entries, tables.get(part))
-            summary = _summary_of_statics(model) if part == "statics" else f"{len(entries)} {part}"
+            summary = (
+                _summary_of_statics(model)
+                if part == "statics"
+                else counted(len(entries), "body" if part == "bodies" else part[:-1])
+            )
             notes.append(f"{summary} taken over from {scene.model.mesh}" + (f": {_named(entries)}" if part != "statics" else ""))
     if "statics" in file_parts:
         tables["model"] = {**_axis(model, _units(scene)), **tables["model"]}
@@ -103,7 +107,7 @@ def _equations(model: FileModel, scene: Scene, takes_supports: bool) -> list[str
             )
         return []
     n_left = 0 if takes_supports else n_held
-    notes = [f"{n - n_left} equations taken over from {scene.model.mesh}"] if n > n_left else []
+    notes = [f"{counted(n - n_left, 'equation')} taken over from {scene.model.mesh}"] if n > n_left else []
     if n_left:
         notes.append(f"{n_left} supports in turned axes of {scene.model.mesh} are left out, as its others are")
     return notes

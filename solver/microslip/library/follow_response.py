@@ -8,6 +8,7 @@ import numpy as np
 
 from ..continuation.checkpointer import Checkpointers, no_checkpoints
 from ..continuation.levels import ResponseProblem, follow_levels, levels_of_slip
+from ..messages.words import counted
 from ..observe.log import RunLog
 from ..observe.observer import Observer, Observers
 from ..points.branch import Branch
@@ -43,7 +44,9 @@ def follow(
         return in_groups(response, n_groups, all_observers, log, checkpointers)
     branches = follow_levels(response, all_observers.notify, checkpointers)
     for columns in response.model.static_columns:
-        log.note(f"static columns: of {columns.known.sum()} of {n_pairs} pairs, in {columns.batches} batches")
+        log.note(
+            f"static columns: of {columns.known.sum()} of {counted(n_pairs, 'pair')}, in {counted(columns.batches, 'batch')}"
+        )
     return branches
 
 

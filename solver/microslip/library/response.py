@@ -12,6 +12,7 @@ import numpy as np
 from ..fourier.amplitudes import to_complex, to_real
 from ..fourier.coefficients import amplitude, phase
 from ..messages.errors import CaseError
+from ..messages.words import counted
 from ..observe.observer import Observers
 from ..parallel.agree import on_each, on_root
 from ..points.branch import QUANTITIES, Branch
@@ -101,7 +102,8 @@ class Response:
 
     def __repr__(self) -> str:
         n_points, outputs = sum(len(level.frequency) for level in self.results.levels), ", ".join(self.outputs)
-        return f"<Response of {self.results.name}: {len(self.levels)} levels, {n_points} points, outputs {outputs}>"
+        sizes = f"{counted(len(self.levels), 'level')}, {counted(n_points, 'point')}"
+        return f"<Response of {self.results.name}: {sizes}, outputs {outputs}>"
 
     @property
     def levels(self) -> np.ndarray:

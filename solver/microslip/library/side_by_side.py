@@ -13,6 +13,7 @@ from ..continuation.checkpoint import Arrays
 from ..continuation.checkpointer import Checkpointers, no_checkpoints
 from ..continuation.divided import PARTS, Beginning, Part, beginning, coarse_curve, follow_part, joined, places
 from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip, whole_branch, with_peaks
+from ..messages.words import counted
 from ..observe.log import RunLog
 from ..observe.observer import Observers
 from ..parallel.rank_groups import Groups, results_of, split
@@ -55,7 +56,7 @@ def follow_side_by_side(
     """
     levels = of.settings.levels
     groups = split(of.model.comm, min(n_groups, len(levels)))
-    log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
+    log.note(f"{counted(len(levels), 'level')} on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
     with log.stage("static columns of all pairs"):
         of_ranks = of.on_ranks(groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..parallel.ownership import rows_of
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
@@ -71,8 +71,8 @@ def cyclic_faces(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
             f"{mesh.numbers[node]} of {cyclic.faces[1]!r}; state a smaller tolerance, or merge the double nodes"
         )
     note = (
-        f"cyclic: sector 0 of {cyclic.sectors}; {len(low)} nodes of {cyclic.faces[1]!r} follow those of {cyclic.faces[0]!r}, "
-        f"up to {distance.max():.2g} m from their turned places"
+        f"cyclic: sector 0 of {cyclic.sectors}; {counted(len(low), 'node')} of {cyclic.faces[1]!r} "
+        f"follow those of {cyclic.faces[0]!r}, up to {distance.max():.2g} m from their turned places"
     )
     high = high[partner]
     unit = sp.csr_matrix((np.ones(len(low)), (np.arange(len(low)), low)), (len(low), len(mesh.points)))
@@ -100,8 +100,9 @@ def _tied(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
     turn = rotation(cyclic.axis, cyclic.angle)
     of_nodes = sp.kron(sp.eye(len(mesh.points)), turn, format="csr")
     note = (
-        f"cyclic: sector 0 of {cyclic.sectors}; the faces are not meshed alike: {len(high)} nodes of {cyclic.faces[1]!r} follow "
-        f"the facets of {cyclic.faces[0]!r}, up to {projection.distance.max():.2g} m from their turned places"
+        f"cyclic: sector 0 of {cyclic.sectors}; the faces are not meshed alike: {counted(len(high), 'node')} of "
+        f"{cyclic.faces[1]!r} follow the facets of {cyclic.faces[0]!r}, "
+        f"up to {projection.distance.max():.2g} m from their turned places"
     )
     lead = weights.tocoo()
     joined = np.unique(np.stack([lead.col // 3, high[lead.row // 3]]), axis=1)
@@ -203,7 +204,7 @@ def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray
         else "a node off the axis lies on one of the two faces: take these nodes out of the other group"
     )
     raise MeshError(
-        f"{_where(mesh)}: {cyclic.faces[0]!r} and {cyclic.faces[1]!r} share {len(shared)} nodes, the first is node "
+        f"{_where(mesh)}: {cyclic.faces[0]!r} and {cyclic.faces[1]!r} share {counted(len(shared), 'node')}, the first is node "
         f"{mesh.numbers[node]} at {place(mesh.points[node])} m; {remedy}"
     )
 
@@ -304,7 +305,7 @@ def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray)
     partner = "its partner" if faces.is_matched else "and, on a facet with it,"
     words = ["".join(np.array(list("xyz"))[is_fixed[node]]) or "nothing" for node in (low, high)]
     raise MeshError(
-        f"{mesh.path}: [[supports]] break the symmetry of [cyclic] at {n_wrong} pairs of nodes of the two faces: node "
+        f"{mesh.path}: [[supports]] break the symmetry of [cyclic] at {counted(n_wrong, 'pair')} of nodes of the two faces: node "
         f"{mesh.numbers[low]} at {place(mesh.points[low])} m is fixed along {words[0]}, {partner} {mesh.numbers[high]} along "
         f"{words[1]}; fix both, all around or along the axis (a direction that turns with the sectors cannot be fixed alone)"
     )

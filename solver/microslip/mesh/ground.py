@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from .. import elements
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.joint import Joint
 from .cells import cells_of
 from .contact_points import ContactPoints
@@ -84,5 +84,6 @@ def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints) -
             f"{where} is {distance[nearest]:.3g} m from the plane at its nearest point, {at}, and at most {reach:.3g} m "
             "are expected; check plane_point, or state a larger tolerance in the joint"
         )
-    note = f"joint {joint.name!r}: {points.n_points} contact points, {distance.min():.3g} to {distance.max():.3g} m off"
+    number = counted(points.n_points, "contact point")
+    note = f"joint {joint.name!r}: {number}, {distance.min():.3g} to {distance.max():.3g} m off"
     return replace(points, z=np.tile(normal, (points.n_points, 1)), distance=distance, note=note)

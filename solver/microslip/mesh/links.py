@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ..messages.errors import Faults, MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.structure import Point
 from ..tables.structure_tables import StructureTables
 from .attached import Attached, attach
@@ -109,7 +109,9 @@ def _within(mesh: Mesh, tables: StructureTables) -> Links:
         weights = sp.vstack([_onward(solved.dependent, solved.weights, weights), solved.weights]).tocsr()
         dependent = np.concatenate([dependent, solved.dependent])
         more_joined, holding = solved.joined // 3, solved.grounded // 3
-        notes += (f"{len(mesh.equations.where)} equations of the file: {len(solved.dependent)} degrees of freedom follow",)
+        notes += (
+            f"{counted(len(mesh.equations.where), 'equation')} of the file: {len(solved.dependent)} degrees of freedom follow",
+        )
     outside = _outside(mesh, dependent, weights, is_fixed, n_dof)
     leads = ~is_fixed
     leads[dependent] = False

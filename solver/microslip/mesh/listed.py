@@ -7,6 +7,7 @@ import numpy as np
 from ..formats.csv_table import read_table
 from ..formats.model import index_of
 from ..messages.errors import CaseError
+from ..messages.words import counted
 from ..tables.joint import Joint
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes
@@ -79,5 +80,5 @@ def _farthest(joint: Joint, offset: np.ndarray, table: np.ndarray) -> str:
     if not np.isfinite(distance).all():
         return ""
     worst = int(np.argmax(distance))
-    note = f"joint {joint.name!r}: {len(table)} pairs of nodes from a file"
+    note = f"joint {joint.name!r}: {counted(len(table), 'pair')} of nodes from a file"
     return note + (f", at most {distance[worst]:.3g} m apart (node {table[worst, 0]:.0f})" if distance[worst] > 0.0 else "")

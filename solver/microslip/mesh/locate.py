@@ -6,8 +6,10 @@ import numpy as np
 
 from ..messages.errors import CaseError, MeshError
 from ..messages.words import place
+from ..tables.structure_tables import StructureTables
 from .data import Mesh
 
+SAME = 1e-9  # of the mesh's diagonal: distance of nodes at the same place
 FAR = 0.1  # of the mesh's diagonal: largest accepted distance of a position from the nearest node
 
 
@@ -45,6 +47,27 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
     if group is not None:
         return mesh.node_groups[group]
     raise CaseError(f"{where} needs a position, a node or a group; dof is for scenes given as matrices")
+
+
+def notes_on_positions(mesh: Mesh, tables: StructureTables) -> tuple[str, ...]:
+    """Return notes on positions at which several nodes lie, as on both sides of a joint: which one is used.  Local, rank 0."""
+    positions = [(f"[[loads]] {i}", load.position) for i, load in enumerate(tables.loads, 1)]
+    if tables.statics is not None:
+        positions += [(f"[[statics.forces]] {i}", force.position) for i, force in enumerate(tables.statics.forces, 1)]
+    notes = []
+    for where, position in (*positions, *((f"output {output.name!r}", output.position) for output in tables.outputs)):
+        if position is None:
+            continue
+        used, _ = nearest_node(mesh, position)
+        same = np.flatnonzero(np.linalg.norm(mesh.points - mesh.points[used], axis=1) <= SAME * mesh.diagonal)
+        if len(same) > 1:
+            at = [f"node {mesh.numbers[n]} of {_body_of(mesh, n)!r}" for n in (used, *same[same != used])]
+            notes.append(f"{where}: {at[0]} is used; at the same place: {', '.join(at[1:])}, for which state node")
+    return tuple(notes)
+
+
+def _body_of(mesh: Mesh, node: int) -> str:
+    return next(block.group for block in mesh.elements if (block.nodes == node).any())
 
 
 def nodes_numbered(numbers: np.ndarray, named: np.ndarray, lines: list[int], path: Path) -> np.ndarray:

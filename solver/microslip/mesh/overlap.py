@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.joint import Joint
 from .cells import Cells, cells_of, face_of
 from .contact_points import MOST_TILT, ContactPoints, check_opposite
@@ -75,7 +75,8 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
         position=(x1 + x2) / 2,
         distance=distance,
         cells=corners[used],
-        note=f"{warning}joint {joint.name!r}: {len(used)} contact points, {_in_words(first, by_moments, has_moments[used])}; "
+        note=f"{warning}joint {joint.name!r}: {counted(len(used), 'contact point')}, "
+        f"{_in_words(first, by_moments, has_moments[used])}; "
         f"{second.group!r} covers {is_covered:.2%} of them, {distance.min():.3g} to {distance.max():.3g} m away "
         f"(at most {reach:.3g} m){rest}",
     )

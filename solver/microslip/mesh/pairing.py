@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
 from ..messages.errors import Faults, MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, heaviest
@@ -249,7 +249,7 @@ def _check_shared(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> 
     shared = np.intersect1d(first.nodes, second.nodes)
     if len(shared):
         raise MeshError(
-            f"{mesh.path}: joint {joint.name!r}: {first.group!r} and {second.group!r} share {len(shared)} nodes (the "
+            f"{mesh.path}: joint {joint.name!r}: {first.group!r} and {second.group!r} share {counted(len(shared), 'node')} (the "
             f"first is node {mesh.numbers[shared].min()}), so the bodies are merged there and cannot slip; "
             "give each body its own nodes (mesh the bodies separately, without merging coincident nodes)"
         )

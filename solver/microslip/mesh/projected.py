@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, on_nodes
@@ -53,8 +53,8 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
         position=(mesh.points[nodes] + foot.foot[nodes_used]) / 2,
         distance=distance,
         faces=tuple(corners[(corners >= 0).all(axis=1)] for corners in faces),
-        note=f"joint {joint.name!r}: {len(nodes_used)} contact points, nodes of {first.group!r} on facets of {second.group!r}, "
-        f"{distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
+        note=f"joint {joint.name!r}: {counted(len(nodes_used), 'contact point')}, nodes of {first.group!r} on facets "
+        f"of {second.group!r}, {distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
     )
 
 

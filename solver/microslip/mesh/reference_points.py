@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from .. import elements
 from ..messages.errors import MeshError
+from ..messages.words import counted
 from ..parallel.ownership import rows_of
 from ..tables.structure import Point
 from .data import Mesh
@@ -30,7 +31,7 @@ def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
     rows = np.repeat(np.arange(3 * len(nodes)), 6)
     weights = sp.csr_matrix((blocks.ravel(), (rows, np.tile(columns, 3 * len(nodes)))), (3 * len(nodes), 3 * n_places))
     weights.eliminate_zeros()
-    note = f"point {point.name!r}: {len(nodes)} nodes of {point.group!r} follow it as a rigid body"
+    note = f"point {point.name!r}: {counted(len(nodes), 'node')} of {point.group!r} follow it as a rigid body"
     return Follower(f"point {point.name!r}", rows_of(nodes), weights, _star(nodes), note)
 
 
@@ -46,7 +47,7 @@ def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Followe
     rows = np.repeat(np.arange(6), 3 * len(nodes))
     weights = sp.csr_matrix((blocks.ravel(), (rows, np.tile(rows_of(nodes), 6))), (6, 3 * n_places))
     weights.eliminate_zeros()
-    note = f"point {point.name!r} follows the mean of {len(nodes)} nodes of {point.group!r}"
+    note = f"point {point.name!r} follows the mean of {counted(len(nodes), 'node')} of {point.group!r}"
     return Follower(f"point {point.name!r}", np.arange(3 * at, 3 * at + 6), weights, _star(nodes), note)
 
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from .. import elements
 from ..elements import FACE_KINDS
 from ..messages.errors import Faults, MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.structure import Surface
 from ..tables.structure_tables import StructureTables
 from .data import FaceBlock, Mesh
@@ -200,10 +200,11 @@ def _touching_faces(mesh: Mesh, skin: Skin, touching: Touching | None, surface: 
     body, other = surface.bodies
     if surface.through is not None:
         by_kind = faces_through(mesh, tables.bodies[body].group, surface)
-        return by_kind, f"{sum(map(len, by_kind.values()))} faces inside {body!r}, through {place(surface.through)} m"
+        return by_kind, f"{counted(sum(map(len, by_kind.values())), 'face')} inside {body!r}, through {place(surface.through)} m"
     assert touching is not None, "the faces that touch, by their tolerance"
     faces = _faces_of(mesh, skin, touching, surface, tables)
-    return skin.by_kind(faces), f"{len(faces)} faces of {body!r} on {other!r}, {(skin.area * touching.share)[faces].sum():.6g} m2"
+    area = (skin.area * touching.share)[faces].sum()
+    return skin.by_kind(faces), f"{counted(len(faces), 'face')} of {body!r} on {other!r}, {area:.6g} m2"
 
 
 def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, surface: Surface, tables: StructureTables) -> np.ndarray:
@@ -228,7 +229,7 @@ def _nothing(mesh: Mesh, skin: Skin, surface: Surface, body: int, other: int) ->
         first, second = skin.nodes_of(skin.body == body), skin.nodes_of(skin.body == other)
         shared = np.intersect1d(first, second)
         if len(shared):
-            return f"{text}: they share {len(shared)} nodes, and are merged there; give each body its own nodes"
+            return f"{text}: they share {counted(len(shared), 'node')}, and are merged there; give each body its own nodes"
         distance, _ = cKDTree(mesh.points[second]).query(mesh.points[first])
         nearest_node = first[np.argmin(distance)]
         text += (

@@ -35,6 +35,12 @@ def listed(words: Iterable[str], last: str = "and") -> str:
     return f"{', '.join(first)} {last} {end}" if first else end
 
 
+def counted(n: int, noun: str) -> str:
+    """Return "1 face", "2 faces", "3 bodies".  Local."""
+    stem = noun[:-1] + "ie" if noun.endswith("y") else noun + "e" * noun.endswith(("x", "s", "ch"))
+    return f"{n} {noun}" if n == 1 else f"{n} {stem}s"
+
+
 def shortened(text: str, n_letters: int = 400) -> str:
     """Return a text that fits into a message.  Local."""
     return text if len(text) <= n_letters else f"{text[:n_letters]} ..."
@@ -46,5 +52,7 @@ def is_deeply_nested(text: str) -> bool:
 
 
 def place(point: Iterable[float]) -> str:
-    """Return a point as messages show it.  Local."""
-    return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
+    """Return a point as messages show it: what rounding leaves of 0 is 0.  Local."""
+    values = tuple(point)
+    least = 1e-12 * max(map(abs, values), default=0.0)
+    return "(" + ", ".join(f"{0.0 if abs(value) <= least else value:.6g}" for value in values) + ")"

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..contact.law import OPEN, SLIP
+from ..messages.words import counted
 from ..points.branch import Branch, Point
 from ..points.multipliers import is_stable
 from ..points.sweep import Sweep
@@ -77,11 +78,11 @@ def summary(branch: Branch, shown: Shown) -> str:
     largest = shown.of(top.response[0])
     _, n_slip, n_open = counts(top.state)
     per_newton = f" ({largest / level:.4e} {shown.unit}{shown.per_level})" if level else ""
-    number = "one point" if len(points) == 1 else f"{len(points)} points"
+    number = counted(len(points), "point")
     where = f"at {shown.where(top.omega / 2.0 / np.pi) or 'every frequency'}"
     return (
         f"{number} in {sum(point.seconds for point in points):.3g} s; {shown.largest} {largest:.4e} {shown.unit}{per_newton} "
-        f"{where}, {n_slip} of {len(top.state)} pairs slip, {n_open} open"
+        f"{where}, {n_slip} of {counted(len(top.state), 'pair')} slip, {n_open} open"
     )
 
 
@@ -103,9 +104,8 @@ def stability_lines(branch: Branch) -> list[str]:
         return []
     judged = [is_stable(point.multipliers) for point in branch.points if point.multipliers is not None]
     unstable = judged.count(False)
-    lines = [
-        f"  stability: {unstable} of {len(judged)} points are unstable" if unstable else "  stability: every point is stable"
-    ]
+    number = f"{unstable} of {counted(len(judged), 'point')}"
+    lines = [f"  stability: {number} are unstable" if unstable else "  stability: every point is stable"]
     for there in branch.bifurcations:
         frequency, within = there.omega / 2.0 / np.pi, there.within / 2.0 / np.pi
         where = f" (within {within:.1e} Hz)" if within > EXACT * frequency else ""
@@ -120,7 +120,7 @@ def over_lines(curve: PeaksOver) -> list[str]:
         return [f"{head}: no point: {points.failure}"]
     ends = (f"{curve.frequency[i]:.7g} Hz, {curve.amplitude[i]:.4e}, damping {curve.damping[i]:.3g}" for i in (0, -1))
     seconds, unit = f"{points.seconds.sum():.3g} s", "" if curve.unit == "1" else f" {curve.unit}"
-    lines = [f"{head}, {value[0]:.4g} to {value[-1]:.4g}{unit}: {len(value)} points in {seconds}; {' -> '.join(ends)}"]
+    lines = [f"{head}, {value[0]:.4g} to {value[-1]:.4g}{unit}: {counted(len(value), 'point')} in {seconds}; {' -> '.join(ends)}"]
     for name, moves in (("slips", points.state == SLIP), ("is open", points.state == OPEN)):
         there = value[moves.any(axis=1)]
         lines += [f"  points at which a pair {name}: {there.min():.4g} to {there.max():.4g}{unit}"] if len(there) else []
@@ -133,7 +133,7 @@ def remarks(branch: Branch) -> list[str]:
     lines = []
     for note, points in _noted(branch.points).items():
         low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
-        lines.append(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
+        lines.append(f"  {note}: {len(points)} of {counted(len(branch.points), 'point')}, {low:.6g} to {high:.6g} Hz")
     if branch.is_linear:
         lines.append("  no pair leaves sticking anywhere on its linear curve: scaled, not solved")
     if branch.broken:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
+from ..messages.words import counted
 from ..points.branch import Branch, Point
 from ..points.error_parts import PARTS, SAFETY
 
@@ -57,7 +58,9 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
     if known is not None and len(known) == 0:
         lines.append("contact forces and static columns: the scene has no pair, the response is linear")
     elif known is not None and not known.all():
-        lines.append(f"static columns of {np.count_nonzero(~known)} of {len(known)} pairs: these pairs were always stuck")
+        lines.append(
+            f"static columns of {np.count_nonzero(~known)} of {counted(len(known), 'pair')}: these pairs were always stuck"
+        )
     linear, odd = ([branch.level for branch in branches if getattr(branch, name)] for name in ("is_linear", "odd"))
     if linear:
         lines.append(f"Newton iterations at {_newtons(linear)}: no pair leaves sticking, the linear response is scaled")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
+from ..messages.words import counted
 from ..system.signals import unsignalled
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class Screen:
         self._moving.update(
             task,
             completed=min(max(share, 0.0), 1.0),
-            at=f"{frequency:.5g} Hz  {amplitude:.3e} {unit}  {n_moving} slip  {n_points} points",
+            at=f"{frequency:.5g} Hz  {amplitude:.3e} {unit}  {n_moving} slip  {counted(n_points, 'point')}",
         )
 
     def clear(self) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..contact.law import OPEN, SLIP, STICK
 from ..fourier.coefficients import amplitude, phase
+from ..messages.words import counted
 from .bifurcation import Bifurcation
 from .error_parts import PARTS, SAFETY, total
 from .multipliers import is_stable
@@ -140,7 +141,7 @@ class Branch:
     @property
     def why_ended(self) -> str:
         """Where it ended early, and why."""
-        return f"{self.level:g} N ends after {len(self.points)} points: {self.failure}"
+        return f"{self.level:g} N ends after {counted(len(self.points), 'point')}: {self.failure}"
 
     def without_motion(self) -> list[Point]:
         """Return the points without the motion and forces of their pairs, but for the peak.  Local."""

@@ -60,6 +60,7 @@ from mpi4py import MPI
 from ..continuation.point_solver import Workspace
 from ..continuation.state import BranchState
 from ..continuation.task import BranchTask
+from ..messages.words import counted
 from ..points.sweep import Sweep
 
 SELDOM = 300.0  # times the duration of a write: two steps within this interval are written together
@@ -151,7 +152,7 @@ class BranchFiles:
             points, length = self._read_points(n_points)
             if len(points) == n_points:
                 self._journal, self._n_points = Journal(self._points, length, self._disk), len(points)
-                self._note(f"  continues after {len(points)} points of an earlier run")
+                self._note(f"  continues after {counted(len(points), 'point')} of an earlier run")
                 return arrays, points
         self._journal, self._n_points = Journal(self._points, 0, self._disk), 0
         return None

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..fourier.coefficients import amplitude
+from ..messages.words import counted
 from ..points.branch import CLOSES_TO, Branch
 from .record import LevelResult, ResultFile
 
@@ -70,5 +71,7 @@ def audit_text(branches: list[Branch], works: Sequence[int] | None = None) -> st
         bound = branch.closes_to
         n_beyond = np.count_nonzero(closures > bound)
         if n_beyond:
-            lines.append(f"  {n_beyond} of {len(closures)} points close worse than {bound:.0e}; lower [solver] tolerance")
+            lines.append(
+                f"  {n_beyond} of {counted(len(closures), 'point')} close worse than {bound:.0e}; lower [solver] tolerance"
+            )
     return "\n".join(lines)

@@ -20,7 +20,7 @@ from ..assembly.system import System
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
 from ..messages.errors import CaseError, ConvergenceError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..parallel.agree import on_root
 from ..parallel.ownership import summed
 from ..tables.structure_tables import StructureTables
@@ -188,7 +188,7 @@ def _stretched(
 
 def _messages_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Rest, n_steps: int) -> list[str]:
     """Return lines on a rest with large displacements: steps, and rotations of the surfaces of joints.  Collective."""
-    lines = [f"rest with large displacements found in {n_steps} steps of Newton's method"]
+    lines = [f"rest with large displacements found in {counted(n_steps, 'step')} of Newton's method"]
     turns = _stretched(reference, pairs, rest.u_owned, 1.0)[1] if pairs.n_pairs else {}
     return lines + [
         f"  {name}: its faces turn by up to {turn:.1e} rad under the loads; its pairs keep the frames of the reference mesh"

@@ -8,6 +8,7 @@ from ..assembly.system import System
 from ..contact.laws import ELASTIC_COULOMB, about_rest, are_springs, friction_limit
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
+from ..messages.words import counted
 from .balance import Balance
 from .balance import in_words as balance_in_words
 from .equilibrium import Rest
@@ -92,7 +93,7 @@ def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
         from_gap = are_springs(pairs.laws[of_joint]) | (pairs.N0[of_joint] <= 0.0)
         gap = np.where(from_gap, np.maximum(rest.du[of_joint, 2] - pairs.N0[of_joint] / pairs.k_n[of_joint], 0.0), 0.0)
         lines.append(
-            f"  {name}: {closed.sum()} of {of_joint.sum()} pairs closed, {slid.sum()} slid to their limit; "
+            f"  {name}: {closed.sum()} of {counted(of_joint.sum(), 'pair')} closed, {slid.sum()} slid to their limit; "
             f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "
             f"gap up to {gap.max():.3g} m"
         )

@@ -11,6 +11,7 @@ from ...library.build import build
 from ...library.respond import Keys, respond
 from ...library.response import Response
 from ...messages.errors import ConvergenceError
+from ...messages.words import counted
 from ...observe.stops import Stops, explaining_continuation
 from ...parallel.agree import on_root
 from ...restart.cache import cache_of
@@ -77,7 +78,8 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
         log.note(f"results in {folder}")
         structure.close()
     restart.tidy()
-    failed = [f"backbone: mode {result.mode} ends after {len(result.points)} points: {result.failure}"] if result.failure else []
+    ends = f"backbone: mode {result.mode} ends after {counted(len(result.points), 'point')}"
+    failed = [f"{ends}: {result.failure}"] if result.failure else []
     failed += [f"level {each.level:g}: {each.failure}" for each in forced if each.failure]
     if failed:
         raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")

@@ -9,7 +9,7 @@ from ... import elements
 from ...formats.model import FileModel, Finding
 from ...mesh.data import Mesh
 from ...mesh.skin import faces_of_group, skin_of_mesh
-from ...messages.words import place
+from ...messages.words import counted, place
 from ...tables.joint import Joint
 from ...tables.structure import TAKEN, Body, Material, Orientation
 from ...tables.units import Units
@@ -70,12 +70,12 @@ def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
         if name in of_bodies or len(nodes) == 0:
             continue
         outer = faces_of_group(mesh, skin, name)
-        text = f"{name}: {len(nodes)} nodes"
+        text = f"{name}: {counted(len(nodes), 'node')}"
         n_named = sum(len(block.nodes) for block in mesh.faces if block.group == name)
         if len(outer):
-            text += f", {len(outer)} outer faces of {skin.area[outer].sum():.6g} m2"
+            text += f", {counted(len(outer), 'outer face')} of {skin.area[outer].sum():.6g} m2"
         elif n_named:
-            text += f", {n_named} faces, none of them outside"
+            text += f", {counted(n_named, 'face')}, none of them outside"
         lines.append(text)
     return table("groups", lines)
 

@@ -10,7 +10,7 @@ from ...formats.model import FileModel
 from ...formats.read import read_model
 from ...mesh.connected import connected_parts
 from ...mesh.data import Mesh
-from ...messages.words import place
+from ...messages.words import counted, place
 from ...parallel.agree import on_root
 from ...tables.structure_tables import StructureTables
 from ...tables.units import UNITS
@@ -53,7 +53,8 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTab
     metres, taken = UNITS[units].length, "metres" if units == SI else f'"{units}"' if file.materials else "millimetres"
     suspected = suspicion(mesh.diagonal / metres, file.materials, UNITS[SI], _mass_in_si(volume, file, metres))
     return [
-        f"model      {path}: {len(file.points)} nodes, {content.elements_of(mesh)}; {len(parts)} connected parts",
+        f"model      {path}: {counted(len(file.points), 'node')}, {content.elements_of(mesh)}; "
+        f"{counted(len(parts), 'connected part')}",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m, if it is in {taken}",
         *([f"           {suspected}"] if suspected else []),
         *(f"           {note}" for note in mesh.notes),

@@ -15,7 +15,7 @@ from ...library.settings import reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
 from ...mesh.sector_factors import notes_on_sectors
-from ...messages.words import place
+from ...messages.words import counted, place
 from ...modes.limits import FEW, refuse_too_many
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
@@ -47,9 +47,10 @@ def description(
     n_dof = int((~is_fixed).sum()) - n_dependent
     following = f", {n_dependent} that follow ties or points" if n_dependent else ""
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
+    parts = counted(len(whole.part_names), "connected part")
     lines = [
         f"scene      {scene.source}: no fault found",
-        f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(whole.part_names)} connected parts",
+        f"mesh       {mesh.path}: {counted(len(mesh.points), 'node')}, {kinds}; {parts}",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
         *_suspected(scene, file, mesh, stated.materials, content.mass(volume, density)),
         *(f"           {note}" for note in (*of_file, *mesh.notes)),
@@ -107,7 +108,7 @@ def _supports(mesh: Mesh, scene: Scene) -> list[str]:
     """Return a line for each support."""
     held = [
         f"{support.point or support.group}: {', '.join(support.fix)}"
-        + (f", {len(mesh.node_groups[support.group])} nodes" if support.group in mesh.node_groups else "")
+        + (f", {counted(len(mesh.node_groups[support.group]), 'node')}" if support.group in mesh.node_groups else "")
         for support in scene.supports
     ]
     return content.table("supports", held)
@@ -119,7 +120,9 @@ def _bolts(mesh: Mesh, scene: Scene) -> list[str]:
     lines = []
     for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
         across = place(np.round(cut.normal, 4) + 0.0)
-        lines.append(f"bolt       {bolt.label}: a cut of {cut.area:.4g} m2 with {len(cut.nodes)} nodes, across {across}")
+        lines.append(
+            f"bolt       {bolt.label}: a cut of {cut.area:.4g} m2 with {counted(len(cut.nodes), 'node')}, across {across}"
+        )
     return lines
 
 
@@ -178,7 +181,7 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
         f"method     {solver.method}: {resolution(scene)}; at most {unknowns} unknowns "
         f"with all pairs slipping{', in addition to the modes' if has_more else ''}",
         f"modes      {modes}",
-        f"response   {len(scene.response.levels)} levels of {points}",
+        f"response   {counted(len(scene.response.levels), 'level')} of {points}",
     ]
 
 
@@ -198,7 +201,7 @@ def _joints(pairs: ContactPairs) -> list[str]:
         where = f" on {area:.6g} m2" if np.isfinite(area) else ""  # matrices come without areas
         law = "" if pairs.laws[of_joint][0] == ELASTIC_COULOMB else f', law "{pairs.laws[of_joint][0]}"'
         lines.append(
-            f"joint      {name}: {of_joint.sum()} pairs{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
+            f"joint      {name}: {counted(of_joint.sum(), 'pair')}{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
             f"{np.count_nonzero(N0 < 0)} with a gap"
         )
     return lines
@@ -225,9 +228,9 @@ def _load_at(mesh: Mesh, load: Load, nodes: np.ndarray) -> str:
     if load.base_acceleration is not None:
         return f"acceleration of the supports along {place(load.base_acceleration)}"
     if load.forces is not None:
-        return f"forces on {len(np.unique(nodes))} nodes, from {load.forces}"
+        return f"forces on {counted(len(np.unique(nodes)), 'node')}, from {load.forces}"
     if load.pressure is not None:
-        return f"pressure of {load.pressure:g} Pa a unit of level on {load.group}, {len(np.unique(nodes))} nodes"
+        return f"pressure of {load.pressure:g} Pa a unit of level on {load.group}, {counted(len(np.unique(nodes)), 'node')}"
     return _at(mesh, load, nodes)
 
 
@@ -251,7 +254,7 @@ def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
     if entry.point is not None:
         return f"point {entry.point}"
     if len(nodes) > 1:
-        return f"shared by {len(nodes)} nodes of {entry.group}"
+        return f"shared by {counted(len(nodes), 'node')} of {entry.group}"
     text = f"node {mesh.numbers[nodes[0]]} at {place(mesh.points[nodes[0]])} m"
     if entry.position is not None:
         text += f", {np.linalg.norm(mesh.points[nodes[0]] - np.array(entry.position)):.3g} m from the requested position"

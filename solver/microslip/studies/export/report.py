@@ -10,7 +10,7 @@ import scipy.io
 
 from ...contact.laws import ELASTIC_COULOMB, LAWS
 from ...messages.errors import CaseError
-from ...messages.words import listed
+from ...messages.words import counted, listed
 from ...scene.schema import Scene
 from ...system.files import atomic_write, make_folder
 from .contents import Entry
@@ -46,7 +46,7 @@ def _size(arrays: Mapping[str, Entry], method: str) -> str:
     n, n_b = len(arrays["M"].values), len(arrays["independent"].values)
     n_pairs, H = len(arrays["mu"].values), int(arrays["harmonics"].values)
     unknowns = f"{n * (2 * H + 1)} unknowns with H = {H}"
-    return f"{method}: {n} coordinates, {n_b} of them relative displacements of {n_pairs} pairs; {unknowns}"
+    return f"{method}: {counted(n, 'coordinate')}, {n_b} of them relative displacements of {counted(n_pairs, 'pair')}; {unknowns}"
 
 
 def what_differs(arrays: Mapping[str, Entry], scene: Scene) -> list[str]:

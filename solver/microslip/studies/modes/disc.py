@@ -18,6 +18,7 @@ from ...library.settings import reduction_settings
 from ...linear.joint_springs import Linearised, linearise
 from ...linear.lockstep import in_lockstep
 from ...messages.errors import CaseError
+from ...messages.words import counted
 from ...modes.coriolis import Waves
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...modes.limits import refuse_too_many
@@ -197,7 +198,7 @@ def modes_by_diameter(
     assert isinstance(sectors, Sectors), "a disc"
     n, verify = basis_size(scene, count), scene.solver.verify_modes
     allows_fewer = scene.solver.modes is None or matrix is not None
-    log.note(f"{system.n_dof} DOF, {parts.rest.pairs.n_pairs} contact pairs")
+    log.note(f"{system.n_dof} DOF, {counted(parts.rest.pairs.n_pairs, 'contact pair')}")
     refuse_too_many(scene.solver.modes, system.n_dof, scene.path)
     together = _together(memory_of_one(sectors, n, system.n_dof), log)
     system.destroy()  # its matrices, and not those of the sectors

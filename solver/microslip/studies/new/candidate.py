@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...mesh.skin import Skin
+from ...messages.words import counted
 from ...tables.structure import Surface
 
 DISTANT = 0.01  # of the size of the faces: distance above which surfaces do not touch
@@ -40,9 +41,8 @@ class Candidate:
         """Return a description on one line."""
         nodes = "node to node" if self.matches else "their meshes differ"
         gap_text = f"{self.gap:.2g} m apart" if abs(self.gap) > 1e-6 * self.size else "touching"
-        text = (
-            f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {gap_text}, {nodes}"
-        )
+        faces = f"{counted(self.n_faces[0], 'face')} on {self.n_faces[1]}"
+        text = f"{' on '.join(self.surfaces)}: {faces}, {self.area:.4g} m2, {gap_text}, {nodes}"
         return f"{text}; refused: {self.refused}" if self.refused else text
 
 

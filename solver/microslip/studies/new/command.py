@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ...formats.model import FileModel
 from ...formats.read import READERS, read_model
 from ...messages.errors import CaseError
-from ...messages.words import hint, listed, place
+from ...messages.words import counted, hint, listed, place
 from ...parallel.agree import on_root
 from ...scene.checks import absent
 from ...system.files import atomic_write
@@ -138,7 +138,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
     ]
     units = first.units or (f"scale = {first.scale:g}" if first.scale else "SI, by its size")
     return [
-        f"new        {out}, for {model}: {len(first.mesh.points)} nodes, {first.mesh.diagonal:.4g} m across ({units})",
+        f"new        {out}, for {model}: {counted(len(first.mesh.points), 'node')}, {first.mesh.diagonal:.4g} m across ({units})",
         *table("bodies", list(first.settings.bodies)),
         *table("joints", joints or ["no touching surfaces of different bodies"]),
         *table("separate", first.disconnected),

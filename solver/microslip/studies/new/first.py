@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from ...formats.model import FileModel, FileStep, Finding, LoadsAtRest
 from ...mesh.data import Mesh
+from ...messages.words import counted
 from ...tables.structure import Support
 from ...tables.structure_tables import StructureTables
 from .bolts import Shank
@@ -102,7 +103,7 @@ class First:
     def loads_at_rest(self) -> LoadsAtRest | None:
         """The loads that the scene takes over as [statics], if there are more than bolts."""
         statics = self.file.statics
-        more = statics is not None and set(statics.kinds) - {f"{len(statics.table.bolts)} bolts"}
+        more = statics is not None and set(statics.kinds) - {counted(len(statics.table.bolts), "bolt")}
         return statics if more else None
 
     @property

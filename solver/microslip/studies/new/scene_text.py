@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from pathlib import PurePosixPath
 
+from ...messages.words import counted
 from ...scene.toml_text import key_text, value_text
 from ...tables.structure import TAKEN, Material, Support
 from ...tables.units import UNITS
@@ -102,7 +103,7 @@ def _materials(first: First) -> str:
         lines.append("")
     if file.bodies and not lacking:
         names = ", ".join(dict.fromkeys(body.material for body in file.bodies.values()))
-        lines = [f"# materials ({names}) and {len(file.bodies)} bodies come from the file", ""]
+        lines = [f"# materials ({names}) and {counted(len(file.bodies), 'body')} come from the file", ""]
     return "\n".join(lines)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...fourier.coefficients import amplitude
+from ...messages.words import counted
 from ...observe.screen_table import screen_table
 from ...points.branch import Branch
 from ...points.multipliers import BEYOND
@@ -137,7 +138,7 @@ def of_disturbances(checks: Sequence[Check]) -> str:
         return ""
     others = [check for check in watched if (check.growth > 1.0 + BEYOND) != (check.multiplier > 1.0 + BEYOND)]
     n_alike = len(watched) - len(others)
-    text = f"\nsmall disturbances agree with the Floquet multipliers at {n_alike} of {len(watched)} points"
+    text = f"\nsmall disturbances agree with the Floquet multipliers at {n_alike} of {counted(len(watched), 'point')}"
     return text + "".join(f"\n  not at {check.where}: {check.multiplier:.5f}, and {check.growth:.5f} in time" for check in others)
 
 

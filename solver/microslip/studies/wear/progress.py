@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from ...library.jumps import WornState
 from ...library.wear import WearCycle, wear_of
+from ...messages.words import counted
 from ...parallel.agree import on_root
 from ...restart.branch_files import of_point, to_point
 from ...restart.identity import identity_of
@@ -46,7 +47,9 @@ class Progress:
         if fresh and states:
             states, keep, note = [], 0, ""
         elif states:
-            note = f"continues after {len(states) - 1} jumps, at {states[-1].cycles:.6g} cycles (--fresh recomputes them)"
+            note = (
+                f"continues after {counted(len(states) - 1, 'jump')}, at {states[-1].cycles:.6g} cycles (--fresh recomputes them)"
+            )
         self._journal = Journal(self._path, keep)
         if not keep:
             self._journal.append({}, {"key": _key(scene, options)})
