@@ -18,7 +18,7 @@ from .observe.stops import explaining_continuation
 from .parallel.agree import on_root
 from .restart.cache import cache_of
 from .restart.folder import Finished, Restart
-from .restart.results_folder import RESULTS, move_results, output_folder
+from .restart.results_folder import RESULTS, move_results, note_on_replaced, output_folder
 from .results.draw import draw
 from .scene.schema import Scene
 from .system.versions import versions
@@ -83,6 +83,8 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         prepared.close()
         failures = [f"level {branch.why_ended}" for branch in branches if branch.failure] + failed_peaks
         final = restart.final_folder(folder, output, failures)
+        if final != output and (replaced := on_root(comm, note_on_replaced, folder, output, options.fresh)):
+            log.note(replaced)
         log.note(f"results in {final}")
     if final != output:
         on_root(comm, move_results, folder, output, options.fresh)

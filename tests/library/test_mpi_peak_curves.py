@@ -179,7 +179,10 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
     assert len(rows) == sum(len(curve.value) for curve in results.over)
     assert float(rows[0]["amplitude_m"]) == pytest.approx(results.over[0].amplitude[0], rel=1e-12)
     log = (shared_path / "out" / "run.log").read_text()
-    assert "peak of output 1 over level, 0.02 to 5 N" in log and "points at which a pair slips: " in log
+    assert (
+        f"peak of {results.outputs[results.over[0].linear.output]} over level, 0.02 to 5 N" in log
+        and "points at which a pair slips: " in log
+    )
 
 
 @pytest.mark.parametrize(
@@ -200,6 +203,12 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
 def test_a_number_that_cannot_be_followed_is_refused(path, over, says):
     with pytest.raises(CaseError, match=says):
         changed(microslip.read(path), {"response": {"over": (over,)}})
+
+
+@pytest.mark.parametrize("over", ["level", {"level": 3.0}, {"level": (1.0, 2.0, 3.0)}])
+def test_a_range_that_is_none_is_refused(structure, over):
+    with pytest.raises(CaseError, match="peaks: over = .*: expected a mapping of keys to two ends"):
+        microslip.peaks(structure, over)
 
 
 def test_no_peak_in_the_range_is_refused(structure):

@@ -46,7 +46,7 @@ def test_peaks_are_written_and_read_back(comm, folder, scene):
     slipping = [max(peak.slipping for peak in level.peaks) for level in written.levels]
     assert slipping[0] == 0 < slipping[1]
     log = on_root(comm, (folder / "out" / "run.log").read_text)
-    assert log.count("peak of output") == sum(len(level.peaks) for level in written.levels)
+    assert log.count("  peak of ") == sum(len(level.peaks) for level in written.levels)
 
 
 @pytest.mark.parametrize("solver", [{"harmonics": 0}, {"method": "adaptive"}])

@@ -3,7 +3,7 @@
 import pytest
 
 from microslip.messages.errors import CaseError
-from microslip.restart.results_folder import is_results_file, move_results, output_folder
+from microslip.restart.results_folder import is_results_file, move_results, note_on_replaced, output_folder
 from microslip.results.plots import PICTURES, STATIC_PICTURES
 
 
@@ -53,8 +53,10 @@ def test_tables_and_pictures_that_the_new_run_does_not_have_are_removed(tmp_path
     earlier = ("results.h5", "sectors.csv", "sensitivities.csv", "multipliers.png", "response_01.png", "response_02.png")
     for name in (*earlier, "report.html", "mine.png", "unfinished/results.h5", "unfinished/response.png"):
         (tmp_path / name).write_text(name)
+    assert "report.html" in note_on_replaced(tmp_path, output, False) and not note_on_replaced(tmp_path, output, True)
     move_results(tmp_path, output)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.png", "report.html", "response.png", "results.h5"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.png", "response.png", "results.h5"]
+    assert not note_on_replaced(tmp_path, output, False)
 
 
 def test_what_a_user_has_in_unfinished_stays_and_stops_no_run(tmp_path):

@@ -43,10 +43,12 @@ def follow(
         in_groups = follow_divided if divides else follow_side_by_side
         return in_groups(response, n_groups, all_observers, log, checkpointers)
     branches = follow_levels(response, all_observers.notify, checkpointers)
-    for columns in response.model.static_columns:
-        log.note(
-            f"static columns: of {columns.known.sum()} of {counted(n_pairs, 'pair')}, in {counted(columns.batches, 'batch')}"
-        )
+    per_diameter = response.model.receptances
+    for d in per_diameter.groups:
+        if per_diameter.knows(d):
+            columns, where = per_diameter.of_group(d).static.G_static, f" of nodal diameter {d}" * (len(per_diameter.groups) > 1)
+            number, batches = f"{columns.known.sum()} of {counted(n_pairs, 'pair')}", counted(columns.batches, "batch")
+            log.note(f"static columns{where}: of {number}, in {batches}")
     return branches
 
 

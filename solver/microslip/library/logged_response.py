@@ -69,12 +69,13 @@ def follow_peaks_logged(
     numbers = numbers_of(prepared)
     if not numbers:
         return []
+    names = [output.name for output in prepared.scene.outputs]
     saved = "the next run continues from this point"  # which its checkpointer has saved before
     stops = Stops(log, lambda: None, options.limit, saved)
     for k, number in enumerate(numbers):
         with log.stage(f"peaks over {number.key}"):
             of_number = followed(prepared, number, partial(on_root, comm, stops.point, k, 0), partial(checkpointer_of, k))
-        for line in (line for curve in of_number for line in over_lines(curve)):
+        for line in (line for curve in of_number for line in over_lines(curve, names[curve.linear.output])):
             log.note(line)
         failures += [f"peaks over {curve.key}: {curve.points.failure}" for curve in of_number if curve.points.failure]
         curves += of_number
@@ -95,7 +96,9 @@ def follow_logged(
         response.model.comm.size if options.divides else groups_that_pay(response, prepared.structure.n_dof)
     )
     writer = writer_of(prepared, folder, options.petsc, replace(origin, n_groups=n_groups))
-    levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, options.limit)
+    names = tuple(output.name for output in prepared.scene.outputs)
+    levels = LevelLog(log, response.sweep, len(response.settings.levels), shown, names)
+    stops = Stops(log, writer.save, options.limit)
     try:
         with stops.in_force():
             branches = follow(response, [levels, writer, stops], n_groups, log, checkpointers, False, options.divides)

@@ -151,6 +151,8 @@ def peaks(
     CaseError, ConvergenceError, ResourceError : as :func:`respond`; also where the output has no peak; on every rank
     """
     structure.refuse_closed()
+    if not isinstance(over, Mapping) or not all(np.shape(ends) == (2,) for ends in over.values()):
+        raise CaseError(f'peaks: over = {over!r}: expected a mapping of keys to two ends, as {{"level": (0.1, 10.0)}}')
     tables = tuple(
         {"key": key, "range": tuple(map(float, ends)), "at": tuple(map(float, values))}
         | ({} if output is None else {"output": output})

@@ -1,5 +1,7 @@
 """Levels and points in the log: a line per point, a summary per level, and on a terminal a bar per active level."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..contact.law import OPEN, SLIP
@@ -21,9 +23,11 @@ class LevelLog:
     ----------
     sweep : the range [rad/s]; in statics one point represents it
     shown : the quantity shown of the first output at a point
+    outputs : names of the outputs, for their peaks
     """
 
-    def __init__(self, log: RunLog, sweep: Sweep, n_levels: int, shown: Shown = AMPLITUDE):
+    def __init__(self, log: RunLog, sweep: Sweep, n_levels: int, shown: Shown = AMPLITUDE, outputs: Sequence[str] = ()):
+        self.outputs = outputs
         self.log, self.n_levels, self.shown = log, n_levels, shown
         self.start, self.stop = sweep.start / 2.0 / np.pi, sweep.stop / 2.0 / np.pi
         self._levels: dict[int, float] = {}  # levels begun, by number
@@ -54,7 +58,7 @@ class LevelLog:
     def level_finished(self, number: int, branch: Branch) -> None:
         """Write the summary of a level: its peak, or the reason of its early end."""
         self.log.screen.end_bar(self._name(number))
-        more = *peak_lines(branch), *stability_lines(branch), *remarks(branch)
+        more = *peak_lines(branch, self.outputs), *stability_lines(branch), *remarks(branch)
         for line in (f"{self._name(number)}: {summary(branch, self.shown)}", *more):
             self.log.note(line)
 
@@ -86,7 +90,7 @@ def summary(branch: Branch, shown: Shown) -> str:
     )
 
 
-def peak_lines(branch: Branch) -> list[str]:
+def peak_lines(branch: Branch, outputs: Sequence[str]) -> list[str]:
     """Return a line for each solved peak: output, frequency, amplitude, width and damping."""
     lines = []
     for peak in branch.peaks or []:
@@ -94,7 +98,7 @@ def peak_lines(branch: Branch) -> list[str]:
         width = "" if np.isnan(peak.width) else width
         frequency, within = peak.omega / 2.0 / np.pi, peak.within / 2.0 / np.pi
         where = f" (within {within:.1e} Hz)" if within > EXACT * frequency else ""
-        lines.append(f"  peak of output {peak.output + 1}: {frequency:.9g} Hz{where}, {abs(peak.amplitude):.8e}{width}")
+        lines.append(f"  peak of {outputs[peak.output]}: {frequency:.9g} Hz{where}, {abs(peak.amplitude):.8e}{width}")
     return lines
 
 
@@ -113,9 +117,9 @@ def stability_lines(branch: Branch) -> list[str]:
     return lines
 
 
-def over_lines(curve: PeaksOver) -> list[str]:
-    """Return lines on a peak over a parameter: ends, begin of slip and opening, notes, and the reason of an early end."""
-    value, points, head = curve.value, curve.points, f"peak of output {curve.linear.output + 1} over {curve.key}"
+def over_lines(curve: PeaksOver, output: str) -> list[str]:
+    """Return lines on a peak of an output over a parameter: ends, slip, opening, notes, and the reason of an early end."""
+    value, points, head = curve.value, curve.points, f"peak of {output} over {curve.key}"
     if len(value) == 0:
         return [f"{head}: no point: {points.failure}"]
     ends = (f"{curve.frequency[i]:.7g} Hz, {curve.amplitude[i]:.4e}, damping {curve.damping[i]:.3g}" for i in (0, -1))

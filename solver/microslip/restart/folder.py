@@ -336,7 +336,7 @@ def _differences_from(path: Path, identity: Identity, last: Identity) -> list[st
     differences = identity.differences(last)
     folder = path / f"setup-{identity.setup}"
     has_setup = (folder / "model").is_file() or any(folder.glob("diameter-*/model"))
-    setup = "its set-up is reused" if has_setup else "its set-up cannot be reused"
+    setup = "a set-up of the present inputs is stored here" if has_setup else "its set-up is one of other inputs"
     if not differences:
         return [
             f"continues from the checkpoints in {path}" if has_setup else f"{path} has no set-up yet: starts from the beginning"

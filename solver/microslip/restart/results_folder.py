@@ -57,7 +57,7 @@ def output_folder(folder: Path) -> Path:
 def move_results(folder: Path, output: Path, keeps_earlier: bool = False) -> None:
     """Move the files of ``output`` to ``folder``; with ``keeps_earlier`` earlier files move to ``earlier-N/`` first.
 
-    Tables, fields and pictures of an earlier run that this one does not have are removed.
+    Tables, fields, pictures, reports and conversions of an earlier run that this one does not have are removed.
 
     Raises
     ------
@@ -69,11 +69,19 @@ def move_results(folder: Path, output: Path, keeps_earlier: bool = False) -> Non
         if keeps_earlier:
             _move(folder, _next_of(folder / EARLIER))
         for path in _files_of(folder):
-            if _OF_RUN.fullmatch(path.name) and path.name not in WRITTEN and not (output / path.name).exists():
+            if path.name not in WRITTEN and not (output / path.name).exists():
                 path.unlink()
         _move(output, folder)
         with suppress(OSError):  # it contains files of the user
             output.rmdir()
+
+
+def note_on_replaced(folder: Path, output: Path, keeps_earlier: bool) -> str:
+    """Return a note on reports and conversions of earlier results, which :func:`move_results` removes; "" without any."""
+    names = sorted(path.name for path in _files_of(folder) if _OF_OTHERS.fullmatch(path.name))
+    if output == folder or keeps_earlier or not names:
+        return ""
+    return f"removed with the earlier results: {', '.join(names)} (microslip report and convert write these again)"
 
 
 def _move(source: Path, target: Path) -> None:
