@@ -24,6 +24,7 @@ from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..statics.bolts import BoltsAtRest
 from ..system.versions import commit, program_hash, versions
 from ..version import __version__
+from .build import WholeStructure
 from .origin_of_run import origin_of
 from .prepare import Prepared
 from .settings import output_names, reduction_settings, requests_error_bars, requests_fields, units_of
@@ -82,6 +83,7 @@ def extent_of(prepared: Prepared) -> Extent:
         has_bars=requests_error_bars(scene),
         has_mesh=structure.has_mesh,
         rests=scene.response.sensitivities and scene.statics is not None,
+        is_whole_disc=isinstance(structure, WholeStructure),
     )
 
 

@@ -30,6 +30,7 @@ class Extent:
     has_bars: bool  # with error bars
     has_mesh: bool
     rests: bool  # sensitivities are about a state of rest of [statics]
+    is_whole_disc: bool = False  # omega_n also has the static shapes of blades that differ
 
     @property
     def moves(self) -> bool:
@@ -47,10 +48,10 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
     if of.leaves_out == "basis" and solved and of.moves:
         lines.append(f"response outside the basis of method {of.method}: {changes(solved, 'modes')}")
     if of.leaves_out == "modes" and solved and of.moves and 0 < len(of.omega_n) < of.n_dof:
-        lines.append(
-            f"response of modes above {of.omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(of.omega_n)} of {of.n_dof} DOF, "
-            f"beyond their static part: {changes(solved, 'modes')}"
-        )
+        above = f"of modes above {of.omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(of.omega_n)} of {of.n_dof} DOF"
+        if of.is_whole_disc:
+            above = f"outside {len(of.omega_n)} shapes (modes; static shapes where blades differ) of {of.n_dof} DOF"
+        lines.append(f"response {above}, beyond their static part: {changes(solved, 'modes')}")
     if _most(solved, "pairs")[0] > 0.0:
         lines.append(f"slip and opening of the pairs that method {of.method} holds stuck: {changes(solved, 'pairs')}")
     if _most(solved, "sliders")[0] > 0.0:

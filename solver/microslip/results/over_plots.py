@@ -7,6 +7,7 @@ from itertools import groupby
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from ..contact.law import OPEN, STICK
 from .layout import log_scale
@@ -41,6 +42,8 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
     ]
     handles += [Line2D([], [], **LINEAR, label="all pairs stick")] if has_linear(curves[0].key) else []
     heading = f"peak of {name} over {'the level' if first.key == 'level' else plain(first.key, 50)}{of_level}"
+    if any(curve.error is not None for curve in curves):
+        handles.append(Patch(facecolor=FAINT, alpha=0.35, lw=0.0, label="error bar"))
     page = Page(results, f"{heading}; damping ratio of one mode with this amplitude per unit of the level", WIDTH, 4.4, handles)
     axes = page.grid(2, 2).subplots(sharex=True)
     unit = results.unit_of(k)
