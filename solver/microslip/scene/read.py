@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from pydantic import ValidationError
@@ -162,7 +163,7 @@ def _tables(path: Path, text: str) -> dict[str, Any]:
 
 def _no_scene(path: Path) -> str:
     """Return a hint if the name of the file suggests another type, probably a model."""
-    return "" if path.suffix.lower() in (".toml", "") else f"; for a model file, microslip new {path} writes a scene"
+    return "" if path.suffix.lower() in (".toml", "") else f"; for a model file, microslip new {quote(str(path))} writes a scene"
 
 
 def _line(problem: str, text: str) -> str:

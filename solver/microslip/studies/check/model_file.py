@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...formats.model import FileModel
@@ -68,7 +69,7 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTab
         *content.groups(mesh, settings.bodies),
         *content.attached(file, UNITS[units]),
         *content.passed_over(file.findings),
-        f"next       microslip new {path}",
+        f"next       microslip new {quote(path)}",
     ]
 
 

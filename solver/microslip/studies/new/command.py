@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...formats.model import FileModel
@@ -150,5 +151,5 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         *table("", _on_steps(first)),
         f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is at the same place",
         *table("to answer", [f"{finding.where}: {finding.word}: {finding.effect}" for finding in first.open_findings]),
-        f"next       fill in what begins with #> in {out}, then: microslip check {out}",
+        f"next       fill in what begins with #> in {out}, then: microslip check {quote(str(out))}",
     ]
