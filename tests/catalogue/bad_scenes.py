@@ -72,6 +72,20 @@ MISSING = [
             "lap.toml", "levels = [1.0]", "levels = [1.0]\nstability = true", "ratio = 0.01", "ratio = 0.01\nstructural = 0.01"
         ),
     ),
+    lap("levels beyond all", "levels = [1.0]", "levels = [1e200]", "[response] levels = [1e+200]", "at most 1e100"),
+    Case(
+        "mode beyond all",
+        RUN,
+        ("[response] mode = 99999: the structure has only",),
+        edited("lap.toml", "frequencies = [10.0, 1000.0]", "mode = 99999\nspan = [0.9, 1.1]", "modes = 5\n", ""),
+    ),
+    lap(
+        "output on a support",
+        "position = [0.21, 0.0, 0.0]",
+        "position = [0.0, 0.0, 0.0]",
+        "output 'tip' is on",
+        "a support fixes",
+    ),
     lap("mode without span", "frequencies = [10.0, 1000.0]", "mode = 1", "[response]: span is missing"),
     lap("no friction", "friction = 0.3\n", "", '[[joints]] 1 ("lap"): friction is missing'),
     lap("no stiffness", "normal_stiffness = 1e12\n", "", '[[joints]] 1 ("lap"): normal_stiffness is missing', "N/m3"),

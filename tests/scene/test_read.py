@@ -107,7 +107,7 @@ def test_windows_files_are_read(tmp_path):
         (
             "[1.0, 3.0, 5.0, 8.0]",
             "1.0",
-            "[response] levels = 1.0: expected a list of load levels in N, numbers above 0, each once",
+            "[response] levels = 1.0: expected a list of load levels in N, numbers above 0 and at most 1e100, each once",
         ),
         ("title = ", "title = 3 # ", "title = 3: expected a text in quotes"),
         ("[damping]", "[[damping]]", "[damping] = a list of tables: expected a table [damping]"),

@@ -194,7 +194,7 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     scene, pairs, settings = parts.scene, parts.rest.pairs, reduction_settings(parts.scene)
     system = with_contact_forces(parts.rest.system, pairs, scene.outputs)
     log.note(f"{system.n_dof} DOF, {counted(pairs.n_pairs, 'contact pair')}")
-    refuse_too_many(settings.modes, system.n_dof, scene.path)
+    refuse_too_many(settings.modes, system.n_dof, scene.path, scene.response.mode)
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):
         later = partial(memory_of_modes, system.K, settings) if has_later else None

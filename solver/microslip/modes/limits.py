@@ -14,11 +14,13 @@ def most_modes(n_dof: int) -> int:
     return n_dof if n_dof <= SMALL else n_dof // SHARE
 
 
-def refuse_too_many(n_modes: int | None, n_dof: int, path: object) -> None:
-    """Raise CaseError if the scene's [solver] ``modes`` (None: chosen by the program) is too large.  Local.
+def refuse_too_many(n_modes: int | None, n_dof: int, path: object, mode: int | None = None) -> None:
+    """Raise CaseError if [solver] ``modes`` (None: chosen by the program) or [response] ``mode`` of a scene is too large.  Local.
 
     ``path`` is the path of the scene file, for the message.
     """
+    if mode is not None and mode > n_dof:
+        raise CaseError(f"{path}: [response] mode = {mode}: the structure has only {n_dof} degrees of freedom, and as many modes")
     if n_modes is None or n_modes <= most_modes(n_dof):
         return
     where = f"{path}: [solver] modes = {n_modes}"

@@ -186,8 +186,9 @@ def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
 def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]:
     """Return the frequencies of the highest peaks of the energy in the stuck joint, and the end of the range.  Local."""
     K_J = law.stiffness.reshape(-1, 1)
-    U = [to_complex(linear_motion(model, 1.0, omega, slice(None)))[:, model.harmonics.numbers > 0] for omega in omegas]
-    energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
+    with np.errstate(divide="ignore", invalid="ignore"):  # a resonance without damping
+        U = [to_complex(linear_motion(model, 1.0, omega, slice(None)))[:, model.harmonics.numbers > 0] for omega in omegas]
+    energy = np.nan_to_num([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U], nan=np.inf, posinf=np.inf)
     rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
     tops = np.flatnonzero(rises[:-1] & ~rises[1:])
     highest = tops[np.argsort(-energy[tops], kind="stable")][:_RESONANCES]

@@ -64,8 +64,8 @@ class Over(Table):
 class Response(Table):
     """[response]: levels and frequencies of the curves."""
 
-    levels: Annotated[tuple[Positive, ...], AfterValidator(no_duplicates)] = Field(
-        min_length=1, description="a list of load levels in N, numbers above 0, each once"
+    levels: Annotated[tuple[Annotated[Positive, Field(le=1e100)], ...], AfterValidator(no_duplicates)] = Field(
+        min_length=1, description="a list of load levels in N, numbers above 0 and at most 1e100, each once"
     )
     frequencies: Annotated[tuple[Frequency, Frequency], AfterValidator(rising)] | None = Field(
         None, description="two frequencies in Hz, above 0 and at most 1e9, the lower one first"

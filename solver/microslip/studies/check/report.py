@@ -162,7 +162,7 @@ def resolution(scene: Scene) -> str:
 def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     """Return lines on the method and its size."""
     solver = scene.solver
-    refuse_too_many(solver.modes, n_dof, scene.path)
+    refuse_too_many(solver.modes, n_dof, scene.path, scene.response.mode)
     modes = f"number chosen at run time for [solver] accuracy = {scene.accuracy or ACCURACY_OF_MODES:g}"
     if solver.modes or n_dof <= FEW:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all"
