@@ -62,6 +62,7 @@ class Resonance:
     damping_force_adjoint: np.ndarray  # (n, n_outputs) of their damping forces
 
 
+@np.errstate(divide="ignore", invalid="ignore")  # resonances without damping
 def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> TruncationBound:
     """Return the bounds of (4.5) with the first 1 to n of the n modes of a harmonic group retained.
 
@@ -82,8 +83,7 @@ def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> Trun
     resonant = model.omega_n[(model.omega_n > low) & (model.omega_n < high)]
     omegas = np.union1d(np.linspace(low, high, 60), resonant)
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
-    with np.errstate(divide="ignore", invalid="ignore"):  # a resonance without damping
-        peaks = comm.bcast(output_peaks(model, omegas))  # bitwise equal on all ranks: collective calls depend on it
+    peaks = comm.bcast(output_peaks(model, omegas))  # bitwise equal on all ranks: collective calls depend on it
     if settings.insists and not np.isfinite(peaks).all():
         raise CaseError(
             f"{settings.where}: [solver] accuracy = {settings.accuracy:g}: the stuck structure has a resonance without damping "
@@ -186,9 +186,8 @@ def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
 def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]:
     """Return the frequencies of the highest peaks of the energy in the stuck joint, and the end of the range.  Local."""
     K_J = law.stiffness.reshape(-1, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a resonance without damping
-        U = [to_complex(linear_motion(model, 1.0, omega, slice(None)))[:, model.harmonics.numbers > 0] for omega in omegas]
-    energy = np.nan_to_num([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U], nan=np.inf, posinf=np.inf)
+    U = [to_complex(linear_motion(model, 1.0, omega, slice(None)))[:, model.harmonics.numbers > 0] for omega in omegas]
+    energy = np.nan_to_num([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U], nan=0.0, posinf=0.0)  # without bound at a resonance
     rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
     tops = np.flatnonzero(rises[:-1] & ~rises[1:])
     highest = tops[np.argsort(-energy[tops], kind="stable")][:_RESONANCES]
