@@ -1,6 +1,7 @@
 """Text of messages: lists, similar names, coordinates."""
 
 import difflib
+import math
 import re
 from collections.abc import Callable, Iterable
 
@@ -54,5 +55,5 @@ def is_deeply_nested(text: str) -> bool:
 def place(point: Iterable[float]) -> str:
     """Return a point as messages show it: what rounding leaves of 0 is 0.  Local."""
     values = tuple(point)
-    least = 1e-12 * max(map(abs, values), default=0.0)
+    least = 1e-12 * max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     return "(" + ", ".join(f"{0.0 if abs(value) <= least else value:.6g}" for value in values) + ")"

@@ -1,0 +1,20 @@
+"""Counts and points in messages."""
+
+import numpy as np
+import pytest
+
+from microslip.messages.words import counted, place
+
+
+@pytest.mark.parametrize(
+    ("n", "noun", "says"),
+    [(1, "face", "1 face"), (2, "face", "2 faces"), (0, "body", "0 bodies"), (3, "batch", "3 batches"), (1, "body", "1 body")],
+)
+def test_counts(n, noun, says):
+    assert counted(n, noun) == says
+
+
+def test_a_point_has_no_rounding_errors_of_zero():
+    assert place((1.1e-16, -0.0, -0.025)) == "(0, 0, -0.025)"
+    assert place(np.array([1e-9, 0.0, 0.0])) == "(1e-09, 0, 0)"
+    assert place((np.inf, 1.0, np.nan)) == "(inf, 1, nan)"
