@@ -56,6 +56,47 @@ class GroupColumns:
         return self.c.between(self.R_active[part], i, self.R_active[part])
 
 
+class SectorColumns(GroupColumns):
+    """Columns of G_n of a whole disc, multiplied by transforms over its sectors."""
+
+    def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
+        super().__init__(group, c, active, owned)
+        assert group.receptance.sectors is not None, "a whole disc"
+        self.products, self.rows_active, self.rows_owned = group.receptance.sectors, rows_of(active), owned
+
+    def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
+        """Return the part of the modes as the base class."""
+        return self._moved(self.rows_active, p, self.rows_owned, self.products.rate(c), of_modes_only=True)
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return G p as the base class."""
+        return self._moved(self.rows_active, p, self.rows_owned, self.products.flexibility(self.c))
+
+    def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
+        """Return G^H x as the base class."""
+        return self._moved(self.rows_owned, x, self.rows_active, self.products.flexibility(self.c.adjoint()))
+
+    def _moved(
+        self, under: np.ndarray | slice, p: np.ndarray, wanted: np.ndarray | slice, c: Flexibility, of_modes_only: bool = False
+    ) -> np.ndarray:
+        """Return the motion of some rows under forces on the rows ``under``."""
+        forces = np.zeros((self.products.n_rows, p.shape[1]))
+        forces[under] = p
+        return self.products.unit * self.products.apply(forces, c, of_modes_only)[wanted]
+
+
+def _group_columns(group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice) -> GroupColumns:
+    """Return the columns of a group; by transforms over the sectors where they need fewer products.  Collective."""
+    sectors, m = group.receptance.sectors, len(group.receptance.modes.omega_n)
+    is_less = sectors is not None and sectors.n_products < _n_products(3 * len(active), owned.stop - owned.start, m)
+    return (SectorColumns if is_less else GroupColumns)(group, c, active, owned)
+
+
+def _n_products(n_active: int, n_rows: int, n_modes: int) -> int:
+    """Return the number of real products of dense columns for each column of forces."""
+    return n_active * n_rows + n_modes * (n_active + n_rows)
+
+
 class ReceptanceColumns:
     """Columns of G_n(omega), all harmonics of the set, for some pairs, with the rows of this rank's pairs.
 
@@ -65,7 +106,7 @@ class ReceptanceColumns:
     def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
         self.model, self.omega, self.active = model, omega, active
         of_groups = zip(model.groups, model.flexibilities(omega))
-        self.groups: Sequence[GroupColumns] = [GroupColumns(group, c, active, model.owned_rows) for group, c in of_groups]
+        self.groups: Sequence[GroupColumns] = [_group_columns(group, c, active, model.owned_rows) for group, c in of_groups]
         self.shape = (-1, 3, model.N_H)
 
     @cached_property
@@ -182,10 +223,7 @@ class ActiveColumns:
         self.precision, self.n_rows = precision, len(G.rows)
         largest = max(group.G_static.largest for group in G.groups)
         self.unit = max(G.model.comm.allgather(largest)) or 1.0  # m/N
-        self._parts: list[_RealGroup | _ComplexGroups] = [
-            (_ComplexGroups if groups[0].is_complex else _RealGroup)(groups, G.rows, self.unit, precision)
-            for groups in _parted(G)
-        ]
+        self._parts = [_kind(groups, G.rows)(groups, G.rows, self.unit, precision) for groups in _parted(G)]
         self.move_to(G)
 
     def move_to(self, G: ReceptanceColumns) -> None:
@@ -222,6 +260,36 @@ def _parted(G: ReceptanceColumns) -> list[list[GroupColumns]]:
     """Return the groups whose products are computed together: each real group alone, all complex groups."""
     complex_groups = [group for group in G.groups if group.is_complex]
     return [[group] for group in G.groups if not group.is_complex] + ([complex_groups] if complex_groups else [])
+
+
+def _kind(groups: list[GroupColumns], rows: np.ndarray) -> type[_RealGroup | _ComplexGroups | _SectorsGroup]:
+    """Return the kind of products of some groups for the rows of this rank's active pairs: the one with the fewest."""
+    (n_active, m), first = groups[0].R_active.shape, groups[0]
+    if isinstance(first, SectorColumns) and first.products.n_products < _n_products(n_active, len(rows), m):
+        return _SectorsGroup
+    return _ComplexGroups if first.is_complex else _RealGroup
+
+
+class _SectorsGroup:
+    """The columns of a whole disc, multiplied by transforms over its sectors."""
+
+    def __init__(self, groups: list[GroupColumns], rows: np.ndarray, unit: float, precision: type):
+        (G,) = groups
+        assert isinstance(G, SectorColumns)
+        self.coefficients, self.products = G.group.columns, G.products.in_precision(precision)
+        self.rows_active, self.rows_owned = G.rows_active, G.rows_owned.start + rows
+        self.scale = precision(G.products.unit / unit)
+
+    def move_to(self, groups: list[GroupColumns], unit: float) -> None:
+        self.flexibility = self.products.flexibility(groups[0].c)
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        return self.apply_to_several(p[None])[0]
+
+    def apply_to_several(self, p: np.ndarray) -> np.ndarray:
+        forces = np.zeros((self.products.n_rows, len(p), p.shape[2]), dtype=self.products.Y.dtype)
+        forces[self.rows_active] = p.swapaxes(0, 1)
+        return self.scale * self.products.apply(forces, self.flexibility)[self.rows_owned].swapaxes(0, 1)
 
 
 class _RealGroup:

@@ -18,6 +18,7 @@ from ..fourier.amplitudes import adjoint_times, loaded_times, matrix_times, to_c
 from .damping import DynamicFlexibility, Flexibility, StatedDamping
 from .modes import DampedModes
 from .rigid_motion import RigidMotion
+from .sector_products import SectorProducts
 from .static_response import StaticResponse
 
 
@@ -28,6 +29,7 @@ class Receptance:
     modes: DampedModes  # elastic modes
     static: StaticResponse  # by inertia relief for a structure without supports
     rigid: RigidMotion | None = None  # of a structure without supports
+    sectors: SectorProducts | None = None  # the same between all pairs of a disc, without changed springs
 
     @property
     def is_complex(self) -> bool:

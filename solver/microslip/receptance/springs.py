@@ -98,7 +98,7 @@ class SpringUpdate:
     @cached_property
     def receptance(self) -> Receptance:
         """The receptance with the change.  Collective at the first access."""
-        return replace(self.before, modes=self._modes(), static=self._static())
+        return replace(self.before, modes=self._modes(), static=self._static(), sectors=None)
 
     def _modes(self) -> DampedModes:
         modes, squares = self.before.modes, self.before.modes.omega_n**2

@@ -22,9 +22,11 @@ from ..receptance.modes import ProjectedModes
 from ..receptance.motions import ActingForces, linear_motion
 from ..receptance.observed import Observed
 from ..receptance.other_springs import with_springs
+from ..receptance.per_group import PerGroup
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
+from ..receptance.sector_products import SectorProducts
 from ..receptance.springs import SpringChange
 from ..receptance.static_response import StaticResponse
 from ..receptance.truncated_modes import TruncatedModes, of_samples
@@ -195,11 +197,21 @@ def in_coordinates(modes: ProjectedModes, omega_n: np.ndarray, X: np.ndarray) ->
 
 
 def of_sectors(disc: WholeDisc, structure: ReducedStructure, damping: ModalDamping | None) -> ReducedStructure:
-    """Return the reduced structure with its sectors and the contact stiffness of each; the update is exact.  Local."""
+    """Return the reduced structure with its sectors and the contact stiffness of each; the update is exact.  Collective."""
     structure, dK = replace(structure, n_sectors=disc.waves.n_sectors), disc.change_of_springs
     if not dK.any():
-        return structure
+        receptance = structure.receptance_of(1)
+        by_sectors = replace(receptance, sectors=sector_products(disc, receptance.modes.omega_n))
+        return replace(structure, receptances=PerGroup.single(by_sectors))
     return with_springs(structure, SpringChange(dK, disc.pairs.law.stiffness.ravel(), damping))
+
+
+def sector_products(disc: WholeDisc, omega_n: np.ndarray) -> SectorProducts:
+    """Return products with the receptance of a disc of this contact stiffness in all sectors.  Collective: gathers."""
+    modes = [each.projected.first(each.n_modes) for each in disc.tuned]
+    R_phi, tuned_omega_n = [each.R_phi for each in modes], [each.omega_n for each in modes]
+    columns = [_all_columns(each) for each in disc.tuned]
+    return SectorProducts(disc.waves, columns, R_phi, tuned_omega_n, disc.of_tuned, omega_n**2)
 
 
 # -- error bars ----------------------------------------------------------------------------------------------------

@@ -1,0 +1,92 @@
+"""Products with the receptance of a whole disc by transforms over its sectors, beside those of its columns; on any number of ranks."""
+
+import numpy as np
+import pytest
+from discs import write_sector
+from mpi4py import MPI
+
+from microslip.library.build import build
+from microslip.library.prepare import prepare
+from microslip.parallel.agree import on_root
+from microslip.receptance import columns
+from microslip.receptance.columns import ActiveColumns, GroupColumns, ReceptanceColumns, SectorColumns
+from microslip.receptance.other_springs import with_springs
+from microslip.receptance.springs import SpringChange
+from microslip.scene.read import read_scene
+
+pytestmark = pytest.mark.ranks(1, 2, 3)
+COMM = MPI.COMM_WORLD
+DISC = """[damping]
+ratio = 0.01
+[response]
+levels = [1.0]
+frequencies = [1400.0, 1450.0]
+points = 8
+[solver]
+modes = 6
+harmonics = 3
+"""
+
+
+@pytest.fixture(params=[(4, True), (5, True), (5, False)], ids=["even", "odd", "alike"])
+def disc(request, shared_path):
+    """Return the model of a disc of an even or odd number of sectors, with blades that differ or are alike."""
+    (N, differ), tables = request.param, DISC
+    wave = {"engine_order": 1, "whole": True}
+    if differ:
+        tables += "".join(f"[[cyclic.sector]]\nnumber = {s}\nstiffness = {1.0 + 0.01 * s}\n" for s in range(N))
+        wave["blades"] = ["blade"]
+    structure = build(read_scene(on_root(COMM, lambda: write_sector(shared_path, N, tables, wave=wave, friction=0.05))), COMM)
+    yield prepare(structure).model
+    structure.close()
+
+
+def both(model, monkeypatch, active):
+    """Return the columns of some pairs by transforms and as such."""
+    monkeypatch.setattr(columns, "_n_products", lambda *counts: 10**9)
+    by_sectors = ReceptanceColumns(model, 9000.0, active)
+    assert isinstance(by_sectors.groups[0], SectorColumns)
+    monkeypatch.setattr(columns, "_n_products", lambda *counts: 0)
+    return by_sectors, ReceptanceColumns(model, 9000.0, active)
+
+
+def same(a, b, accuracy=1e-12):
+    largest = COMM.allreduce(np.abs(b).max(initial=0.0), op=MPI.MAX)
+    assert largest > 0.0
+    np.testing.assert_allclose(a, b, rtol=0.0, atol=accuracy * largest)
+
+
+def test_transforms_and_columns_have_the_same_products(disc, monkeypatch):
+    random = np.random.default_rng(1)
+    active = np.sort(random.permutation(disc.n_pairs)[: disc.n_pairs // 2])
+    by_sectors, dense = both(disc, monkeypatch, active)
+    p = random.standard_normal((3 * len(active), disc.N_H))
+    x = np.random.default_rng(COMM.rank).standard_normal((disc.owned.stop - disc.owned.start, 3, disc.N_H))
+    same(by_sectors.apply(p), dense.apply(p))
+    same(by_sectors.apply_rate(p), dense.apply_rate(p))
+    same(by_sectors.apply_rate(p, 0.0, 2.0), dense.apply_rate(p, 0.0, 2.0))
+    d_C = random.standard_normal((disc.n_modes, disc.n_modes))
+    same(by_sectors.apply_rate(p, d_C=[d_C + d_C.T]), dense.apply_rate(p, d_C=[d_C + d_C.T]))  # which couples modes
+    same(COMM.allreduce(by_sectors.apply_transposed(x)), COMM.allreduce(dense.apply_transposed(x)))
+    same(by_sectors.adjoint().apply(p), dense.adjoint().apply(p))
+
+
+@pytest.mark.parametrize(("precision", "accuracy"), [(np.float64, 1e-12), (np.float32, 1e-5)])
+def test_active_pairs_in_either_precision(disc, monkeypatch, precision, accuracy):
+    random = np.random.default_rng(2)
+    active = np.sort(random.permutation(disc.n_pairs)[: disc.n_pairs // 2])
+    by_sectors, dense = both(disc, monkeypatch, active)
+    monkeypatch.setattr(columns, "_n_products", lambda *counts: 10**9)
+    for adjoint in (False, True):
+        a, b = (ActiveColumns(G.adjoint() if adjoint else G, precision) for G in (by_sectors, dense))
+        p = random.standard_normal((2, 3 * len(active), disc.N_H))
+        same(a.apply(p[0]), b.apply(p[0]), accuracy)
+        same(a.apply_to_several(p), b.apply_to_several(p), accuracy)
+
+
+def test_few_pairs_have_dense_products_and_other_springs_as_well(disc):
+    every = np.arange(disc.n_pairs)
+    assert type(ReceptanceColumns(disc, 9000.0, every[:1]).groups[0]) is GroupColumns
+    K_J = np.full(3 * disc.n_pairs, 1e9)
+    other = with_springs(disc, SpringChange(np.where(np.arange(len(K_J)) < 3, 1e6, 0.0), K_J, disc.stated_damping))
+    assert type(ReceptanceColumns(other, 9000.0, every).groups[0]) is GroupColumns
