@@ -1,5 +1,7 @@
 """Products with the receptance of a whole disc by transforms over its sectors, beside those of its columns; on any number of ranks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from discs import write_sector
@@ -60,6 +62,7 @@ def test_transforms_and_columns_have_the_same_products(disc, monkeypatch):
     random = np.random.default_rng(1)
     active = np.sort(random.permutation(disc.n_pairs)[: disc.n_pairs // 2])
     by_sectors, dense = both(disc, monkeypatch, active)
+    monkeypatch.setattr(by_sectors.groups[0], "G_static", None)  # no column is used
     p = random.standard_normal((3 * len(active), disc.N_H))
     x = np.random.default_rng(COMM.rank).standard_normal((disc.owned.stop - disc.owned.start, 3, disc.N_H))
     same(by_sectors.apply(p), dense.apply(p))
@@ -82,6 +85,14 @@ def test_active_pairs_in_either_precision(disc, monkeypatch, precision, accuracy
         p = random.standard_normal((2, 3 * len(active), disc.N_H))
         same(a.apply(p[0]), b.apply(p[0]), accuracy)
         same(a.apply_to_several(p), b.apply_to_several(p), accuracy)
+
+
+def test_motions_of_modes(disc):
+    at = disc.flexibilities(9000.0)[0], disc.owned_rows
+    receptance = disc.groups[0].receptance
+    dense = replace(receptance, sectors=None)
+    same(receptance.linear_motion(disc.f, *at), dense.linear_motion(disc.f, *at))
+    same(receptance.linear_motion_rate(disc.f, *at), dense.linear_motion_rate(disc.f, *at))
 
 
 def test_few_pairs_have_dense_products_and_other_springs_as_well(disc):

@@ -119,15 +119,15 @@ class ReceptanceColumns:
         first, last = self.model.owned.start, self.model.owned.stop
         return pairs[(pairs >= first) & (pairs < last)] - first
 
-    def _joined(self, term: Callable[[GroupColumns, np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    def _joined(self, terms: list[Callable[[np.ndarray], np.ndarray]], x: np.ndarray) -> np.ndarray:
         """Return the products of the groups with their coefficients of x, joined to (n, N_H)."""
-        return self.model.joined([term(group, x[:, group.group.columns]) for group in self.groups])
+        return self.model.joined([term(x[:, group.group.columns]) for term, group in zip(terms, self.groups)])
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
         if len(p) == 0:
             return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))
-        return self._joined(GroupColumns.apply, p).reshape(self.shape)
+        return self._joined([group.apply for group in self.groups], p).reshape(self.shape)
 
     def apply_rate(
         self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Sequence[np.ndarray] | None = None
@@ -147,7 +147,7 @@ class ReceptanceColumns:
 
         G^T is the transposed map of real coefficients, which is G^H for complex amplitudes.
         """
-        return self._joined(GroupColumns.apply_adjoint, x.reshape(-1, x.shape[-1]))
+        return self._joined([group.apply_adjoint for group in self.groups], x.reshape(-1, x.shape[-1]))
 
     def adjoint(self) -> ReceptanceColumns:
         """Return the columns of the transpose of G as a map of real coefficients.  Local."""

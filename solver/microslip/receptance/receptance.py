@@ -59,12 +59,19 @@ class Receptance:
         """Return the motion of some rows of the pairs under loads f alone, all pairs stuck, (n_rows, N_H) [m]."""
         if not f.any():  # of a disc most groups have no load
             return np.zeros((len(self.static.du_static[rows]), f.shape[-1]))
-        eta = c.apply(self.modal_forces(f))
-        return matrix_times(self.static.du_static[rows], f) + loaded_times(self.modes.R_phi[rows], eta)
+        return matrix_times(self.static.du_static[rows], f) + self._of_modes(c.apply(self.modal_forces(f)), rows)
 
     def linear_motion_rate(self, f: np.ndarray, rate: Flexibility, rows: slice) -> np.ndarray:
         """Return the rate of :meth:`linear_motion`, (n_rows, N_H), for the ``rate`` of c_n."""
-        return matrix_times(self.modes.R_phi[rows], rate.apply(self.modal_forces(f)))
+        return self._of_modes(rate.apply(self.modal_forces(f)), rows)
+
+    def _of_modes(self, eta: np.ndarray, rows: slice) -> np.ndarray:
+        """Return R phi eta of some rows, (n_rows, N_H) [m]; few harmonics have loads."""
+        if self.sectors is None:
+            return loaded_times(self.modes.R_phi[rows], eta)
+        motion, loaded = np.zeros((len(self.modes.R_phi), eta.shape[1])), eta.any(axis=0)
+        motion[:, loaded] = self.sectors.of_modes(eta[:, loaded])
+        return motion[rows]
 
     def output_motion(self, f: np.ndarray, p: np.ndarray, c: DynamicFlexibility) -> np.ndarray:
         """Return o u, (n_outputs, N_H) [m]."""

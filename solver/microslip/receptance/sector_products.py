@@ -96,15 +96,29 @@ class SectorProducts:
 
         ``flexibility`` is that of the combined modes, without unit; only their part of G_n is applied if ``of_modes_only``.
         """
-        (D, n_rows, m), kind = self.R.shape, self.R.dtype
+        D, n_rows, _ = self.R.shape
         first = n_rows if of_modes_only else 0
         parts = (self.forward @ p.reshape(self.n_sectors, -1)).reshape(2, D, n_rows, -1)
-        product = self.columns[:, first:] @ _complex(parts, kind)
+        product = self.columns[:, first:] @ _complex(parts, self.R.dtype)
         q, motion = product[:, n_rows - first :], product[:, : n_rows - first]
         modal = self.Y.T @ _parts(q, (len(self.Y), -1))
         eta = flexibility.apply(modal.reshape(len(modal), *p.shape[1:])).astype(self.Y.dtype, copy=False)
-        moved = self.R @ _complex((self.Y @ eta.reshape(modal.shape)).reshape(2, D, m, -1), kind)
-        return (self.backward @ _parts(moved if of_modes_only else motion + moved, (2 * D, -1))).reshape(p.shape)
+        moved = self._moved(eta.reshape(modal.shape))
+        return self._in_sectors(moved if of_modes_only else motion + moved).reshape(p.shape)
+
+    def of_modes(self, eta: np.ndarray) -> np.ndarray:
+        """Return R phi eta of all pairs, (3 n N, k) [m], for coordinates eta (M, k) of the modes of the disc."""
+        return self.R_unit * self._in_sectors(self._moved(eta))
+
+    def _moved(self, eta: np.ndarray) -> np.ndarray:
+        """Return the transform of the motion of modes, (D, 3 n, k)."""
+        D, _, m = self.R.shape
+        return self.R @ _complex((self.Y @ eta).reshape(2, D, m, -1), self.R.dtype)
+
+    def _in_sectors(self, spectrum: np.ndarray) -> np.ndarray:
+        """Return motions (3 n N, k) from their transform (D, 3 n, k)."""
+        D, _, k = spectrum.shape
+        return (self.backward @ _parts(spectrum, (2 * D, -1))).reshape(-1, k)
 
 
 _SINGLE = {"forward": np.float32, "backward": np.float32, "columns": np.complex64, "R": np.complex64, "Y": np.float32}
