@@ -26,6 +26,7 @@ from ..receptance.static_response import StaticResponse
 from .stuck import StuckStructure
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
     from petsc4py import PETSc
 
 Stuck = TypeVar("Stuck", bound=StuckStructure)
@@ -82,8 +83,23 @@ def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PET
     for d, each in zip(waves.diameters, tuned):
         owned = _on_nodes(each, blades[0])
         parts += [owned.real] if waves.is_real(d) else [owned.real, owned.imag]
-    V_owned = np.hstack(parts)
-    return [gram(tuned[0].comm, V_owned, multiply(matrix, V_owned)) for matrix in blades]
+    return [_form(tuned[0].comm, matrix, parts) for matrix in blades]
+
+
+def _form(comm: MPI.Comm, matrix: PETSc.Mat, parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Return V^T A V, (M, M), of a symmetric A; ``parts`` are columns of V, whose products are in memory one after the other.
+
+    Collective: a product for each part.
+    """
+    ends = np.cumsum([0, *(part.shape[1] for part in parts)])
+    form = np.empty((ends[-1], ends[-1]))
+    for j, part in enumerate(parts):
+        product, columns = multiply(matrix, part), slice(*ends[j : j + 2])
+        for i in range(j + 1):
+            rows = slice(*ends[i : i + 2])
+            form[rows, columns] = gram(comm, parts[i], product)
+            form[columns, rows] = form[rows, columns].T
+    return form
 
 
 def _nodal(stuck: StuckStructure) -> sp.csr_matrix:
