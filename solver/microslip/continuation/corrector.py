@@ -14,6 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..harmonic.balance import HarmonicBalance
+from ..harmonic.few_pairs import eliminated, with_most_of
 from ..harmonic.linearisation import Border, Exactness, Linearisation, Step
 from ..harmonic.newton_solver import RTOL, NewtonSolver
 from ..harmonic.operating_point import ContactForces
@@ -31,6 +32,7 @@ PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other wa
 SHARP = 5.0  # tolerances: allowed error of the motion of a point, by its last Newton step
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
 EXACT = 10.0  # tolerances of GMRES: residual of a Newton system up to which single precision is not what failed
+POOR, ROUNDS = 0.2, 4  # of the residual left by a Newton step, beyond which the rows of few pairs are solved by themselves
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
 
@@ -145,13 +147,18 @@ class BorderedSystem:
 class NewtonSystem:
     """The linearisation at an iterate of Newton's method, and the step that was solved for with it last."""
 
+    system: BorderedSystem
     linear: Linearisation
     border: Border
-    scaling: Scaling
     exactness: Exactness
     step: Step | None = None
     right: np.ndarray | None = None  # (n_owned, 3, N_H) right-hand side of the step
     as_vector: np.ndarray | None = None  # the step as this rank's part of PETSc's vector
+
+    @property
+    def scaling(self) -> Scaling:
+        """Units of the unknowns."""
+        return self.system.scaling
 
     def is_step(self, values: np.ndarray) -> bool:
         """Return whether this rank's part of a vector is that of the step.  Local."""
@@ -187,6 +194,7 @@ class Corrector:
         self.newton_solver = NewtonSolver(comm)
         self._patience, self._history = PATIENCE, [0.0]
         self._newton: NewtonSystem | None = None
+        self._trial: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None  # unknowns, their residual and constraints
         n_local = self.n_U + self.k * int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=comm)
         self._r = self._x.duplicate()
@@ -270,7 +278,7 @@ class Corrector:
         self._snes.setFunction(self._residual, self._r, args=(system,))
         self._snes.setJacobian(self._linearise, self._J, args=(system, exactness))
         self._pack(guess, system.scaling)
-        self._is_first = True
+        self._is_first, self._trial = True, None
         self._snes.solve(None, self._x)
         reason, norm = self._snes.getConvergedReason(), self._snes.getFunctionNorm()
         is_of_this_solve = self._snes.getIterationNumber() > 0  # where the first residual is not finite, SNES has the last norm
@@ -325,14 +333,57 @@ class Corrector:
     # -- SNES callbacks ----------------------------------------------------------------------------------------
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, r: PETSc.Vec, system: BorderedSystem) -> None:
-        values, out = x.getArray(readonly=True), r.getArray()
+        rows, constraints = self._rows(system, x.getArray(readonly=True))
+        self._is_first = False
+        self._write(r.getArray(), rows, constraints)
+
+    def _rows(self, system: BorderedSystem, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residual and the constraints at unknowns; cached for the last ones.  Collective."""
+        trial = self._trial
+        if self.comm.allreduce(trial is not None and np.array_equal(values, trial[0]), op=MPI.LAND) and trial is not None:
+            return trial[1]
         # Newton linearises at the guess, and after a step whose linear system leaves more than the tolerance
-        follows = self._is_first or RTOL * self._history[-1] > snes.getTolerances()[1]
-        tangents, self._is_first = follows or self._tangents_at_end, False
-        rows, constraints = system.residual(self._motion(values, system.scaling), self._nu(values), tangents)
-        out[: self.n_U] = rows.ravel()
-        if self.last:
-            out[self.n_U :] = constraints
+        follows = self._is_first or RTOL * self._history[-1] > self._snes.getTolerances()[1]
+        rows = system.residual(self._motion(values, system.scaling), self._nu(values), follows or self._tangents_at_end)
+        self._trial = values.copy(), rows
+        return rows
+
+    def _eliminate(self, x: np.ndarray, step: np.ndarray, size: float, n_active: int) -> np.ndarray:
+        """Return a step from unknowns x, with the rows of few pairs solved for where these alone leave most of a residual.
+
+        Collective.  ``size`` is the residual at x; eq. (5.9).
+        """
+        assert self._newton is not None, "linearised"
+        system, best, pairs = self._newton.system, np.inf, np.zeros(0, dtype=int)
+        tried = step
+        for _ in range(ROUNDS):
+            rows, constraints = self._rows(system, x - tried)
+            left = np.sqrt(self.comm.allreduce(float(np.vdot(rows, rows))) + float(np.vdot(constraints, constraints)))
+            if left < best:
+                best, step = left, tried
+            is_good = left <= max(POOR * size, self._snes.getTolerances()[1])
+            if is_good or not np.isfinite(left) or system.equation.held is not None:
+                break
+            V, pairs = self._with_few_solved(system, x - tried, rows, pairs, n_active)
+            if V is None:
+                break
+            tried = tried.copy()
+            tried[: self.n_U] = x[: self.n_U] - V.ravel() / system.scaling.U
+        return step
+
+    def _with_few_solved(
+        self, system: BorderedSystem, x: np.ndarray, rows: np.ndarray, before: np.ndarray, n_active: int
+    ) -> tuple[np.ndarray | None, np.ndarray]:
+        """Return the motion with the rows of the pairs ``before`` and of those with most of the residual solved for, and these.
+
+        Collective.  None where they are many, or without success.
+        """
+        pairs = with_most_of(system.equation, rows, before, n_active)
+        if pairs is None or not system.selected[pairs].all():
+            return None, before
+        at = system.problem.at(tuple(map(float, self._from_last(self._nu(x)) * system.scaling.parameters)))
+        r = rows * system.scaling.U / system.scaling.rows
+        return eliminated(system.equation.under(at), at, pairs, self._motion(x, system.scaling), r), pairs
 
     def _linearise(
         self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, B: PETSc.Mat, system: BorderedSystem, exactness: Exactness
@@ -340,7 +391,7 @@ class Corrector:
         """Linearise for a step and for products with the Jacobian, until the next linearisation."""
         values = x.getArray(readonly=True)
         linear, border = system.linearise(self._motion(values, system.scaling), self._nu(values))
-        self._newton = NewtonSystem(linear, border, system.scaling, exactness)
+        self._newton = NewtonSystem(system, linear, border, exactness)
         J.assemble()
 
     def _solve_step(self, b: PETSc.Vec, x: PETSc.Vec) -> tuple[int, int]:
@@ -350,6 +401,7 @@ class Corrector:
         b_U = values[: self.n_U].reshape(self.shape) / at.scaling.rows
         step = at.linear.solve(b_U, self._nu(values), at.border, self.newton_solver, at.exactness)
         self._write(out, step.d_xi, step.d_nu_owned)
+        out[:] = self._eliminate(self._x.getArray(readonly=True), out.copy(), float(b.norm()), len(at.linear.forces.active))
         self._newton = replace(at, step=step, right=b_U, as_vector=out.copy())
         return step.iterations, step.reason
 
