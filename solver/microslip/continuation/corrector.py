@@ -408,7 +408,8 @@ class Corrector:
     def _multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Apply the Jacobian in scaled unknowns.  Collective: one gather.
 
-        The line search asks for the product with the step that was solved for last, which is known.
+        The line search asks for the product with the step that was solved for last, which is known; with few pairs solved for
+        in addition, it takes the slope of the Newton step.
         """
         values, at = x.getArray(readonly=True), self._newton
         assert at is not None, "linearised"

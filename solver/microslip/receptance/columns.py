@@ -14,6 +14,7 @@ from ._row_products import answer
 from .damping import Flexibility
 from .reduced_model import HarmonicGroup, ReducedModel
 from .rows import Rows
+from .static_columns import ChosenColumns
 
 
 class GroupColumns:
@@ -23,10 +24,23 @@ class GroupColumns:
     """
 
     def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
-        self.group, self.c, modes, self.is_complex = group, c, group.receptance.modes, group.receptance.is_complex
-        self.G_static = group.receptance.static.G_static.chosen(active)
-        self.R_active = modes.R_phi if 3 * len(active) == len(modes.R_phi) else modes.R_phi[rows_of(active)]
-        self.R_owned = modes.R_phi[owned]
+        self.group, self.c, self.is_complex = group, c, group.receptance.is_complex
+        self.active, self.R_owned = active, group.receptance.modes.R_phi[owned]
+        self.largest = self._largest_static()  # m/N, on this rank
+
+    @cached_property
+    def G_static(self) -> ChosenColumns:
+        """The static columns of the active pairs.  Collective if some are missing."""
+        return self.group.receptance.static.G_static.chosen(self.active)
+
+    def _largest_static(self) -> float:
+        return self.G_static.largest
+
+    @cached_property
+    def R_active(self) -> np.ndarray:
+        """The modes at the active pairs, (3 n_active, m)."""
+        R_phi = self.group.receptance.modes.R_phi
+        return R_phi if 3 * len(self.active) == len(R_phi) else R_phi[rows_of(self.active)]
 
     def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
         """Return R phi c_n phi^H R^H p, (3 n_owned, N_H): minus R phi eta of docs/theory.md, eq. (4.3), under p only."""
@@ -60,9 +74,17 @@ class SectorColumns(GroupColumns):
     """Columns of G_n of a whole disc, multiplied by transforms over its sectors."""
 
     def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
-        super().__init__(group, c, active, owned)
         assert group.receptance.sectors is not None, "a whole disc"
         self.products, self.rows_active, self.rows_owned = group.receptance.sectors, rows_of(active), owned
+        super().__init__(group, c, active, owned)
+
+    def _largest_static(self) -> float:
+        return self.products.unit
+
+    def static_block(self, part: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Return G_static as the base class, without static columns."""
+        flexible = (self.R_owned[rows] / self.products.squares) @ self.R_active[part].T
+        return self.products.static_block(self.rows_owned.start + rows, self.rows_active[part]) + flexible
 
     def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
         """Return the part of the modes as the base class."""
@@ -85,11 +107,12 @@ class SectorColumns(GroupColumns):
         return self.products.unit * self.products.apply(forces, c, of_modes_only)[wanted]
 
 
-def _group_columns(group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice) -> GroupColumns:
+def _group_columns(model: ReducedModel, group: HarmonicGroup, c: Flexibility, active: np.ndarray) -> GroupColumns:
     """Return the columns of a group; by transforms over the sectors where they need fewer products.  Collective."""
     sectors, m = group.receptance.sectors, len(group.receptance.modes.omega_n)
-    is_less = sectors is not None and sectors.n_products < _n_products(3 * len(active), owned.stop - owned.start, m)
-    return (SectorColumns if is_less else GroupColumns)(group, c, active, owned)
+    n_dense = _n_products(3 * len(active), 3 * model.n_pairs // model.comm.size, m)  # the same on all ranks
+    by_sectors = sectors is not None and sectors.n_products < n_dense
+    return (SectorColumns if by_sectors else GroupColumns)(group, c, active, model.owned_rows)
 
 
 def _n_products(n_active: int, n_rows: int, n_modes: int) -> int:
@@ -106,7 +129,7 @@ class ReceptanceColumns:
     def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
         self.model, self.omega, self.active = model, omega, active
         of_groups = zip(model.groups, model.flexibilities(omega))
-        self.groups: Sequence[GroupColumns] = [_group_columns(group, c, active, model.owned_rows) for group, c in of_groups]
+        self.groups: Sequence[GroupColumns] = [_group_columns(model, group, c, active) for group, c in of_groups]
         self.shape = (-1, 3, model.N_H)
 
     @cached_property
@@ -221,9 +244,10 @@ class ActiveColumns:
 
     def __init__(self, G: ReceptanceColumns, precision: type):
         self.precision, self.n_rows = precision, len(G.rows)
-        largest = max(group.G_static.largest for group in G.groups)
+        largest = max(group.largest for group in G.groups)
         self.unit = max(G.model.comm.allgather(largest)) or 1.0  # m/N
-        self._parts = [_kind(groups, G.rows)(groups, G.rows, self.unit, precision) for groups in _parted(G)]
+        size = G.model.comm.size
+        self._parts = [_kind(groups, size)(groups, G.rows, self.unit, precision) for groups in _parted(G)]
         self.move_to(G)
 
     def move_to(self, G: ReceptanceColumns) -> None:
@@ -262,10 +286,11 @@ def _parted(G: ReceptanceColumns) -> list[list[GroupColumns]]:
     return [[group] for group in G.groups if not group.is_complex] + ([complex_groups] if complex_groups else [])
 
 
-def _kind(groups: list[GroupColumns], rows: np.ndarray) -> type[_RealGroup | _ComplexGroups | _SectorsGroup]:
-    """Return the kind of products of some groups for the rows of this rank's active pairs: the one with the fewest."""
-    (n_active, m), first = groups[0].R_active.shape, groups[0]
-    if isinstance(first, SectorColumns) and first.products.n_products < _n_products(n_active, len(rows), m):
+def _kind(groups: list[GroupColumns], n_ranks: int) -> type[_RealGroup | _ComplexGroups | _SectorsGroup]:
+    """Return the kind of products of some groups with the fewest of them, if each rank has as many active pairs."""
+    first, n_active = groups[0], 3 * len(groups[0].active)
+    n_dense = _n_products(n_active, n_active // n_ranks, first.R_owned.shape[1])
+    if isinstance(first, SectorColumns) and first.products.n_products < n_dense:
         return _SectorsGroup
     return _ComplexGroups if first.is_complex else _RealGroup
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from functools import cached_property
 
 import numpy as np
 
@@ -81,6 +82,17 @@ class SectorProducts:
             for name, kind in _SINGLE.items():
                 setattr(self._in_single, name, getattr(self, name).astype(kind))
         return self._in_single
+
+    def static_block(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Return the static receptance without the part of the modes, (k, l) [m/N], between rows (k,) and (l,) of all sectors."""
+        n = self.R.shape[1]
+        between = (rows[:, None] // n - columns // n) % self.n_sectors
+        return self._blocks[between, rows[:, None] % n, columns % n]
+
+    @cached_property
+    def _blocks(self) -> np.ndarray:
+        """A' from sector t to sector t + k, (N, 3 n, 3 n) [m/N], eq. (17.1)."""
+        return self.unit * Waves(self.n_sectors).blocks(list(self.columns[:, : self.R.shape[1]]))
 
     def flexibility(self, c: Flexibility) -> Flexibility:
         """Return D_n^-1 without unit, from c_n of eq. (4.1), which is D_n^-1 - Omega^-2."""
