@@ -99,6 +99,15 @@ def test_motions_of_modes(disc):
     same(receptance.linear_motion_rate(disc.f, *at), dense.linear_motion_rate(disc.f, *at))
 
 
+def test_blocks_of_few_pairs_need_no_static_columns(disc):
+    few, G_static = np.arange(0, disc.n_pairs, 5), disc.receptance_of(1).static.G_static
+    by_sectors = ReceptanceColumns(disc, 9000.0, few, for_blocks=True)
+    known = G_static.known.copy()
+    block = by_sectors.matrix()
+    np.testing.assert_array_equal(G_static.known, known)
+    same(block, ReceptanceColumns(disc, 9000.0, few).matrix())
+
+
 def test_few_pairs_have_dense_products_and_other_springs_as_well(disc):
     every = np.arange(disc.n_pairs)
     assert type(ReceptanceColumns(disc, 9000.0, every[:1]).groups[0]) is GroupColumns

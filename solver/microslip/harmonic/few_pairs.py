@@ -46,11 +46,11 @@ def with_most_of(equation: HarmonicBalance, r: np.ndarray, others: np.ndarray, n
 def eliminated(
     equation: HarmonicBalance, at: OperatingPoint, pairs: np.ndarray, U: np.ndarray, r: np.ndarray
 ) -> np.ndarray | None:
-    """Return the motion ``U`` (n_owned, 3, N_H) with the rows r of eq. (5.1) of some ``pairs`` solved for; None without success.
+    """Return the motion ``U`` (n_owned, 3, N_H) with the rows r of some ``pairs`` solved for, eq. (5.9); None without success.
 
     Collective: gathers of the pairs' data and a broadcast.
     """
-    G = ReceptanceColumns(equation.model_at(at), at.omega, pairs).matrix()
+    G = ReceptanceColumns(equation.model_at(at), at.omega, pairs, for_blocks=True).matrix()
     model = equation.model
     mine = pairs[(pairs >= model.owned.start) & (pairs < model.owned.stop)] - model.owned.start
     laws = equation.comm.allgather(equation.law.take(mine))

@@ -107,11 +107,13 @@ class SectorColumns(GroupColumns):
         return self.products.unit * self.products.apply(forces, c, of_modes_only)[wanted]
 
 
-def _group_columns(model: ReducedModel, group: HarmonicGroup, c: Flexibility, active: np.ndarray) -> GroupColumns:
-    """Return the columns of a group; by transforms over the sectors where they need fewer products.  Collective."""
+def _group_columns(
+    model: ReducedModel, group: HarmonicGroup, c: Flexibility, active: np.ndarray, for_blocks: bool
+) -> GroupColumns:
+    """Return the columns of a group; by transforms over the sectors where these are fewer, or for blocks.  Collective."""
     sectors, m = group.receptance.sectors, len(group.receptance.modes.omega_n)
     n_dense = _n_products(3 * len(active), 3 * model.n_pairs // model.comm.size, m)  # the same on all ranks
-    by_sectors = sectors is not None and sectors.n_products < n_dense
+    by_sectors = sectors is not None and (for_blocks or sectors.n_products < n_dense)
     return (SectorColumns if by_sectors else GroupColumns)(group, c, active, model.owned_rows)
 
 
@@ -123,13 +125,13 @@ def _n_products(n_active: int, n_rows: int, n_modes: int) -> int:
 class ReceptanceColumns:
     """Columns of G_n(omega), all harmonics of the set, for some pairs, with the rows of this rank's pairs.
 
-    docs/theory.md, eq. (4.2).
+    docs/theory.md, eq. (4.2).  Without products, ``for_blocks``, those of a whole disc need no static columns.
     """
 
-    def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
+    def __init__(self, model: ReducedModel, omega: float, active: np.ndarray, for_blocks: bool = False):
         self.model, self.omega, self.active = model, omega, active
         of_groups = zip(model.groups, model.flexibilities(omega))
-        self.groups: Sequence[GroupColumns] = [_group_columns(model, group, c, active) for group, c in of_groups]
+        self.groups: Sequence[GroupColumns] = [_group_columns(model, group, c, active, for_blocks) for group, c in of_groups]
         self.shape = (-1, 3, model.N_H)
 
     @cached_property

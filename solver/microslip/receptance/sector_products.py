@@ -91,11 +91,11 @@ class SectorProducts:
 
     @cached_property
     def _blocks(self) -> np.ndarray:
-        """A' from sector t to sector t + k, (N, 3 n, 3 n) [m/N], eq. (17.1)."""
+        """A' from sector t to sector t + k, (N, 3 n, 3 n) [m/N]."""
         return self.unit * Waves(self.n_sectors).blocks(list(self.columns[:, : self.R.shape[1]]))
 
     def flexibility(self, c: Flexibility) -> Flexibility:
-        """Return D_n^-1 without unit, from c_n of eq. (4.1), which is D_n^-1 - Omega^-2."""
+        """Return D_n^-1 without unit, from c_n, which is D_n^-1 - Omega^-2."""
         static = np.diag(1.0 / self.squares) if c.couples_modes else 1.0 / self.squares[:, None]
         return self.rate(Flexibility(c.c + static))
 
@@ -104,7 +104,7 @@ class SectorProducts:
         return Flexibility(rate.c * (self.R_unit * (self.R_unit / self.unit)))
 
     def apply(self, p: np.ndarray, flexibility: Flexibility, of_modes_only: bool = False) -> np.ndarray:
-        """Return the motions of all pairs in ``unit``, (3 n N, ..., N_H), under forces p (3 n N, ..., N_H).
+        """Return the motions of all pairs in ``unit``, (3 n N, ..., N_H), under forces p (3 n N, ..., N_H): eq. (17.7).
 
         ``flexibility`` is that of the combined modes, without unit; only their part of G_n is applied if ``of_modes_only``.
         """
