@@ -11,6 +11,7 @@ import pytest
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import exact, scenes
+from scipy.optimize import root
 
 import microslip
 from microslip.contact.law import OPEN, STICK
@@ -226,6 +227,26 @@ def test_a_mode_begins_about_rest_where_pairs_are_open(structure, mode):
     assert (result.open_at_rest, result.counts_open) == (1, True)
     assert "1 pair has a gap and is open at rest" in result.notes[-1]
     assert result.quasi_static.frequency[0] == pytest.approx(result.linear_frequency, rel=1e-8)
+
+
+@pytest.mark.parametrize("mode", (1, 2))
+def test_a_mode_whose_damping_couples_the_modes_begins_at_first_slip(structure, mode):
+    """Its masses are out of phase, and larger than in the undamped mode of the same modal amplitude."""
+    system = with_a_gap() | {"C": np.diag([0.02, 0.5])}
+    result = microslip.backbone(structure(system), mode=mode, farthest=1.2, quasi_static=False, error_bars=False)
+    K = system["K"] + np.diag([1.0, 0.0])
+    squares, phi = np.linalg.eigh(K)
+
+    def singular(x):
+        determinant = np.linalg.det(K - x[0] ** 2 * np.eye(2) + 1j * x[0] * (system["C"] - x[1] * np.eye(2)))
+        return determinant.real, determinant.imag
+
+    omega, xi = root(singular, (np.sqrt(squares[mode - 1]), phi[:, mode - 1] @ system["C"] @ phi[:, mode - 1]), tol=1e-13).x
+    shape = np.array([0.3, K[0, 0] - omega**2 + 1j * omega * (0.02 - xi)])
+    shape /= phi[:, mode - 1] @ shape
+    assert result.linear_frequency == pytest.approx(omega / (2.0 * np.pi), rel=1e-9)
+    assert result.first_slip == pytest.approx(np.min(1.0 / np.abs(shape)), rel=1e-6)
+    assert np.min(1.0 / np.abs(phi[:, mode - 1])) > 1.001 * result.first_slip
 
 
 def test_a_mass_before_a_stop_has_the_frequency_of_its_two_parts(structure):

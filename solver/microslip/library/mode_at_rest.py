@@ -111,7 +111,10 @@ def _at_limit(law: Law, moved: np.ndarray) -> np.ndarray:
 
 
 def _enclosed(problem: NonlinearMode, low: float) -> float:
-    """Return the amplitude from which not all pairs stick in the mode, enclosed from ``low``, at which they do.  Collective."""
+    """Return the amplitude from which not all pairs stick in the mode, enclosed from ``low``, that of its undamped shape.
+
+    Collective.
+    """
     if not np.isfinite(low):
         return np.inf
 
@@ -122,11 +125,16 @@ def _enclosed(problem: NonlinearMode, low: float) -> float:
         return finer.curve.holds((float(np.log(q)), problem.omega, problem.sigma))
 
     unseen = low * (1.0 + (np.pi / finer.equation.n_samples) ** 2)  # up to there a maximum may lie between samples
-    if not sticks(unseen):
+    if sticks(unseen):
+        low, high, end = unseen, unseen * GROWTH, FARTHEST * low
+        while sticks(high) and high < end:
+            low, high = high, high * GROWTH
+    elif sticks(low * (1.0 - WITHIN)):
         return low
-    low, high, end = unseen, unseen * GROWTH, FARTHEST * low
-    while sticks(high) and high < end:
-        low, high = high, high * GROWTH
+    else:  # damping that couples the modes changes the shape of the motion
+        low, high = low / GROWTH, low
+        while not sticks(low):
+            low, high = low / GROWTH, low
     while high > low * (1.0 + WITHIN):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if sticks(middle) else (low, middle)
