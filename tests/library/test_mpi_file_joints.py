@@ -107,4 +107,4 @@ def test_nothing_but_loads_makes_a_joint_of_a_contact_pair(tmp_path):
         read_completed(scene(folder), COMM)
     pressed = {"forces": ({"group": "END", "force": (0.0, 0.0, -4e-4)},)}
     _, whole, notes = read_completed(scene(folder, statics=pressed), COMM)
-    assert whole.joints[0].preload == "static" and "1 joints taken over from job.inp: UPPER_LOWER" in notes
+    assert whole.joints[0].preload == "static" and "1 joint taken over from job.inp: UPPER_LOWER" in notes
