@@ -394,6 +394,10 @@ def test_a_point_is_held_in_some_directions():
     held = case.with_keys(supports=(*case.supports, Support(point="p", fix=("x",))))
     with pytest.raises(CaseError, match=r"\[\[loads\]\] 1 acts only on degrees of freedom that a support fixes"):
         system_of(mesh, held)
+    sideways = {"point": "p", "direction": (0.0, 1.0, 0.0)}
+    still = tied(mesh, supports=[("base", "xyz")], points=(point,), loads=[sideways], outputs=[output], poisson=0.0)
+    still = still.with_keys(supports=(*still.supports, Support(point="p", fix=("x",))))
+    assert "WARNING: output 'u' is on degrees of freedom that a support fixes; it does not move" in system_of(mesh, still).notes
 
 
 # -- with the rest -----------------------------------------------------------------------------------------------------

@@ -79,13 +79,6 @@ MISSING = [
         ("[response] mode = 99999: the structure has only",),
         edited("lap.toml", "frequencies = [10.0, 1000.0]", "mode = 99999\nspan = [0.9, 1.1]", "modes = 5\n", ""),
     ),
-    lap(
-        "output on a support",
-        "position = [0.21, 0.0, 0.0]",
-        "position = [0.0, 0.0, 0.0]",
-        "output 'tip' is on",
-        "a support fixes",
-    ),
     lap("mode without span", "frequencies = [10.0, 1000.0]", "mode = 1", "[response]: span is missing"),
     lap("no friction", "friction = 0.3\n", "", '[[joints]] 1 ("lap"): friction is missing'),
     lap("no stiffness", "normal_stiffness = 1e12\n", "", '[[joints]] 1 ("lap"): normal_stiffness is missing', "N/m3"),

@@ -268,4 +268,4 @@ def test_a_peak_that_no_solve_reaches_says_so():
     (peak,) = peaks_of(forced(*reduced(damper(), COMM, 1), 128, 123.024), curve, 1e-30)
     assert peak.within > 1e-4 * peak.omega
     assert abs(peak.amplitude) == pytest.approx(max(amplitude(point) for point in curve.points), rel=1e-6)
-    assert "(within " in peak_lines(SimpleNamespace(peaks=[peak]))[0]
+    assert "(within " in peak_lines(SimpleNamespace(peaks=[peak]), ["mass"])[0]

@@ -432,9 +432,9 @@ def test_pictures_take_nothing_from_a_matplotlibrc():
 
 
 def test_names_of_a_file_do_not_steer_the_terminal(capsys):
-    from microslip.guards.ending import _say
+    from microslip.guards.ending import _write_error
 
-    _say("group \x1b]0;owned\x07 'blade' \u202e\n  second line")
+    _write_error("group \x1b]0;owned\x07 'blade' \u202e\n  second line")
     said = capsys.readouterr().err
     assert "\x1b" not in said and "\x07" not in said and said.endswith("\n  second line\n") and "'blade'" in said
 

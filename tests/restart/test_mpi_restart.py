@@ -245,7 +245,7 @@ def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(s
     assert (one.identity.level(30.0, 6) == two.identity.level(30.0, 6)) == level
     (note,) = two.notes
     key = setting.partition("=")[0].rpartition(".")[2]
-    assert key in note and ("is reused" if setup else "cannot be reused") in note
+    assert key in note and ("is stored here" if setup else "of other inputs") in note
 
 
 @pytest.mark.slow

@@ -132,12 +132,10 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         free = free_combinations(mesh, links, is_fixed) if may_be_free else np.zeros((6, 0))
     outputs = [output_row(mesh, output, tables, links) for output in tables.outputs]
     still = [
-        f"output {output.name!r} is on degrees of freedom that a support fixes; it does not move"
+        f"WARNING: output {output.name!r} is on degrees of freedom that a support fixes; it does not move"
         for output, row in zip(tables.outputs, outputs)
         if row.at >= 0 and not output.absolute and not row.values[~is_fixed[row.nodes]].any()
     ]
-    if still and len(still) == len(outputs):
-        raise CaseError(still[0])
     return WholeMesh(
         is_fixed=is_fixed,
         part=part,
@@ -148,7 +146,7 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         loose=loose_bodies(part, len(part_names), mesh, tables.supports, links),
         notes=(
             *notes_on_positions(mesh, tables),
-            *(f"WARNING: {each}" for each in still),
+            *still,
             *((FREE,) if free.shape[1] == 6 else ()),
             *notes_on_pairs(pairs, links, is_fixed, str(tables.path)),
             *left_free(free),
