@@ -23,6 +23,7 @@ from microslip.results.read import read_results
 from microslip.scene.read import changed
 
 LEVELS, C = (0.02, 5.0), 0.02
+SPATIAL = Path(__file__).parents[2] / "jobs" / "spatial.toml"
 OVER = """
 [[response.over]]
 key = "level"
@@ -71,6 +72,18 @@ def test_a_peak_over_friction_goes_down_to_small_values(structure):
     np.testing.assert_allclose(
         curve.amplitude[slips], [amplitude(0.8, limit) for limit in curve.value[slips]], rtol=30.0 / 128**2
     )
+
+
+def test_a_peak_is_the_corner_of_the_curve_where_a_pair_begins_to_slip(comm):
+    """As on the curve; the top of the parabola through three solutions lies 0.2 % lower."""
+    keys = {"error_bars": False, "harmonics": 3, "samples": 128}
+    with microslip.build(microslip.read(SPATIAL), comm) as built:
+        curves = microslip.respond(built, levels=[0.1], peaks=True, frequencies=[0.22, 0.24], points=20, **keys)
+        peak = next(peak for peak in curves.peaks[0.1] if peak.output == 0)
+        (curve,) = microslip.peaks(built, {"level": (0.08, 0.1)}, frequencies=[0.13, 0.25], **keys)
+    assert curve.value[-1] == 0.1 and not curve.points.failure
+    assert curve.amplitude[-1] == pytest.approx(abs(peak.amplitude), rel=1e-5)
+    assert 2.0 * np.pi * curve.frequency[-1] == pytest.approx(peak.omega, rel=1e-5)
 
 
 @pytest.mark.ranks(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..contact.law import STICK
 from ..error_estimate.correction import parts_of_corrected
+from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.harmonics import Harmonics
 from ..points.branch import Point
 from .accuracy import Accuracy, Memory, Resolution
@@ -84,13 +86,14 @@ def accept(
     if task.has_sensitivities and not on_the_way:
         known, adjoints = estimator.last if estimator else None, solver.workspace.adjoints(solver.equation)
         point = with_sensitivities(solver.problem, solution, point, adjoints, known)
+    recorded = at_corner(solver, solution, point, estimator)
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
     force, is_linear = force_at(solver, solution[0], point), solver.is_linear and solution[0].is_linear
     next_one = replace(solver.resolution, tolerance=max(solver.tolerance, task.tolerance))
     if accuracy:
         next_one, memory = accuracy.coarser(next_one, ratios, memory)
     solution, solver = solver.resolved(next_one).still(solution, solver)
-    point = replace(point, seconds=solver.workspace.lap(), notes=(*point.notes, *missed, *notes))
+    recorded = replace(recorded, seconds=solver.workspace.lap(), notes=(*recorded.notes, *missed, *notes))
     U = solution[0].iterate.U
     now = PointState(
         iterate=solution[0].iterate,
@@ -102,7 +105,19 @@ def accept(
         moved=float(point.p.any(axis=(1, 2)).mean()),
         amplitude=point.response[:, 1] - 1j * point.response[:, 2],
     )
-    return Accepted(replace(state, solver=replace(solver, is_linear=is_linear), memory=memory), now, point)
+    return Accepted(replace(state, solver=replace(solver, is_linear=is_linear), memory=memory), now, recorded)
+
+
+def at_corner(solver: PointSolver, solution: Solution, point: Point, estimator: ErrorEstimator | None) -> Point:
+    """Return the record of the corner of the curve above a point that is a maximum by the phase; else that of the point.
+
+    Collective.
+    """
+    top = solver.at_corner(solution)
+    if top is not solution:
+        with suppress(Unbalanced):
+            return point_record(solver.problem, solver.selection, top, point.requested, estimator)[0]
+    return point
 
 
 def solve_with(

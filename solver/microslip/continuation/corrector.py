@@ -67,6 +67,7 @@ class Correction:
     bound: float = 0.0  # the requested tolerance
     gap: float = 0.0  # m, the most that the motion of the stiffest pairs and that under their forces differ by
     is_linear: bool = False  # the linear response, found without solving
+    beside: tuple[Iterate, ...] = ()  # solutions before and after a maximum by the phase, where the curve may have a corner
     within: float = 0.0  # rad/s: of a maximum that is a corner, the interval that it lies in; 0 where the slope is
 
     def with_effort_of(self, other: Correction) -> Correction:

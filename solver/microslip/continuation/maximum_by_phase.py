@@ -32,6 +32,7 @@ FARTHEST = 8.0  # of that distance by which a search goes on at most
 REACH = 0.25 * np.pi  # rad from the guess, to which it goes at most
 MOST_TRIES = 12
 CLOSER = 2  # times that the distance is halved where Newton's method fails next to a solution, as beyond the end of a branch
+SHARP = 1.3  # 1/rad2, bend of the amplitude over the phase above which its top may be a corner; that of one mode is 1
 LOOSE = 1e-5  # tolerance of solutions that only place the top: it moves by about their error over the distance
 FAR = 2.0  # times the frequency of the guess, or less than its inverse, at which a solution belongs to no peak here
 ELSEWHERE = "the solution at this phase lies elsewhere"
@@ -51,6 +52,11 @@ class MaximumByPhase:
         Collective; never raises for divergence, which comes back as ``failure``.
         """
         return _Search(self, corrector, system, guess).maximum()
+
+    def amplitude(self, system: BorderedSystem, there: Iterate) -> complex:
+        """Return the output [m] at a solution, the same on all ranks."""
+        at = system.problem.at(there.parameters)
+        return output_at(system.equation, at, there.U, system.selected, self.output)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +125,7 @@ class _Search:
             if abs(three.top) <= NEAR:
                 solution, three = self.settled(theta, three)
                 if solution is not None:
-                    return self.counted(solution)
+                    return self.counted(self.with_neighbours(solution, three))
             if not three.is_even:
                 three = self.with_middle(theta, three.at(0.0), three)
                 continue
@@ -232,7 +238,16 @@ class _Search:
         places = (combined((low, here, high), through(three.t, three.t + way)) for way in (-1.0, 1.0))
         before, after = (combined((place, here), (1.0, -1.0)) for place in places)
         sides = replace(before, U=before.U / self.size), replace(after, U=after.U / self.size)
-        return Beside(self.distance, three.bend / (three.sizes[1] * self.distance**2), sides)
+        return Beside(self.distance, self.bend(three), sides)
+
+    def with_neighbours(self, solution: Correction, three: _Three) -> Correction:
+        """Return the solution at the top with those beside it, where the curve may have a corner there.  Local."""
+        low, _, high = three.solutions
+        return replace(solution, beside=(low, high)) if self.bend(three) > SHARP else solution
+
+    def bend(self, three: _Three) -> float:
+        """Return the bend of the amplitude over the phase [1/rad2], relative to the amplitude.  Local."""
+        return three.bend / (three.sizes[1] * self.distance**2)
 
     def turned(self, there: Iterate, theta: float) -> Iterate:
         """Return the motion of the pairs ``theta`` [rad] later, where it turns with the mode.  Local."""
@@ -269,8 +284,7 @@ class _Search:
 
     def output(self, there: Iterate) -> complex:
         """Return the output [m] at a solution, the same on all ranks."""
-        problem = self.system.problem
-        return output_at(problem.equation, problem.at(there.parameters), there.U, self.system.selected, self.row.output)
+        return self.row.amplitude(self.system, there)
 
     def counted(self, solution: Correction, failure: str | None = None) -> Correction:
         """Return a solution as the outcome of all solves."""

@@ -21,6 +21,8 @@ from .accuracy import Resolution
 from .constraint_rows import Plane, Scaling
 from .corrector import BorderedSystem, Correction, Corrector, row_weights
 from .iterate import Iterate, PointState
+from .maximum import EXACT, Maximum
+from .maximum_by_phase import MaximumByPhase
 from .problems import Problem
 
 SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit
@@ -192,6 +194,30 @@ class PointSolver:
     def solve_near(self, guess: Iterate, near: PointState, selected: np.ndarray | None = None) -> Solution:
         """Correct a guess at its own parameter, measured by a point near by, with its pairs by default.  Collective."""
         return self.solve_at(guess, near.size, near.selected if selected is None else selected, near.force)
+
+    def at_corner(self, solution: Solution) -> Solution:
+        """Return the maximum itself, where one by the phase may lie below a corner; the solution where none is higher near by.
+
+        Collective.
+        """
+        (below, selected), row = solution, self.problem.maximum
+        if not (isinstance(row, MaximumByPhase) and below.beside):
+            return solution
+        there, corrector = below.iterate, self.workspace.corrector(self.equation, self.resolution)
+        scaling = self.scaling(self.norm(there.U), self.force(there, selected))
+        system = BorderedSystem(self.problem, (Plane.fixed_parameter(there),), scaling, selected)
+        forward = AdjointSolver(self.comm, EXACT, np.float64)
+        try:
+            top = Maximum(row.output, 1, forward, below.beside).correct(corrector, system, there)
+        finally:
+            forward.destroy()
+        self.workspace.spent += top.newton
+        low, high = below.beside
+        is_near = self.norm(top.iterate.U - there.U) < self.norm(high.U - low.U)
+        sizes = [abs(row.amplitude(system, each)) for each in (there, top.iterate)]
+        if top.failure is not None or not is_near or sizes[1] <= sizes[0]:
+            return solution
+        return replace(top, iterate=top.iterate.at(there.parameter)).with_effort_of(below), selected
 
     def first(self) -> Solution:
         """Solve the first point of the range from the known curve.  Collective."""
