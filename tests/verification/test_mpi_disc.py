@@ -186,6 +186,7 @@ def refused(shared_path, **how) -> str:
     extra = how.pop("extra", "")
     with pytest.raises(MicroslipError) as caught:
         built(write_sector, shared_path, how.pop("N", 5), extra + end(8, **keys), wave=wave, **how)
+    COMM.Barrier()  # each rank has read the file before it is written again
     return str(caught.value)
 
 
