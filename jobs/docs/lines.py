@@ -31,7 +31,7 @@ FEATURES = {
         "*mistuning*", "*coriolis*", "*hermitian*", "*lockstep*",
     ),
     "peaks, and peaks over a number": (
-        "*/peak*", "*maximum*", "results/over*", "continuation/beside.py", "continuation/output_rows.py",
+        "*/peak*", "*maximum*", "results/over*", "continuation/output_rows.py",
     ),
     "nonlinear modes, other solutions, stability": (
         "*nonlinear_mode*", "*backbone*", "*leading_mode*", "*mode_at_rest*", "stability/*", "*stability*", "*bifurcation*",

@@ -169,7 +169,7 @@ def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
 def test_what_a_log_would_say_of_the_modes_is_kept(structure):
     assert microslip.respond(structure, points=5).notes == ()
     (note,) = microslip.respond(structure, modes=3, points=5).notes
-    assert note.startswith("modes: 3, as [solver] modes says")
+    assert note.startswith("modes: 3, stated by [solver] modes")
 
 
 @pytest.mark.slow

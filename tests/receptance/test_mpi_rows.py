@@ -69,3 +69,13 @@ def test_later_as_many_as_are_known_are_solved_for_together(monkeypatch):
     for pair in range(60):
         columns.require(np.array([pair]))
     assert solved == [2, 2, 4, 8, 16, 20, 8] and columns.batches == 7
+
+
+def test_columns_with_other_rows_than_those_of_this_rank_are_refused():
+    """Products read them by address, and would read past their end."""
+    columns = StaticColumns(5, 4, lambda of: np.zeros((9, 3 * len(of))))
+    with pytest.raises(ValueError, match=r"columns of 2 pairs in 4 rows of pairs have the shape \(9, 6\)"):
+        columns.require(np.array([0, 3]))
+    with pytest.raises(ValueError, match="have the shape"):
+        columns.put(np.array([1]), np.zeros((12, 2)))
+    assert not columns.known.any() and not columns.stored.any()

@@ -142,7 +142,7 @@ def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path)
     assert int(np.argmax(bound <= 1e-5)) + 1 == n_modes  # the same from all modes
     stuck.linearised.destroy()
     stated, line = structure_of(written(shared_path, chain(450), accuracy=1e-5, modes=7))
-    assert len(stated.modes.omega_n) == 7 and line == "modes: 7, as [solver] modes says"
+    assert len(stated.modes.omega_n) == 7 and line == "modes: 7, stated by [solver] modes"
     stated.linearised.destroy()
 
 

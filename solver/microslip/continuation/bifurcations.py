@@ -37,9 +37,9 @@ def bifurcations_of(problem: ForcedResponse, branch: Branch, tolerance: float) -
     """Return folds and places where multipliers cross the unit circle along a branch with multipliers, in order.  Collective."""
     folds = list(turns(branch))
     located = [bifurcation_between(problem, branch, i - 1, i + 1, 0, tolerance) for i in folds]
-    beside = {edge for i in folds for edge in (i - 1, i)}
+    at_folds = {edge for i in folds for edge in (i - 1, i)}
     for i, k, multiplier in crossings(branch):
-        if i not in beside or kind_of(multiplier) != BRANCHING:
+        if i not in at_folds or kind_of(multiplier) != BRANCHING:
             located.append(bifurcation_between(problem, branch, i, i + 1, k, tolerance))
     return sorted(located, key=lambda bifurcation: bifurcation.after)
 
@@ -139,7 +139,7 @@ class _Arc:
             a, b = self.known[places[after - 1]], self.known[places[after]]
             share = (t - places[after - 1]) / (places[after] - places[after - 1])
             d_U, d_nu = share * (b.U - a.U), share * self.solver.d_nu(a, b)
-            guess = self.solver.beside(a, d_U, d_nu)
+            guess = self.solver.stepped(a, d_U, d_nu)
             solution, _ = self.solver.solve(guess, self.plane(guess), self.size, self.solver.equation.every_pair, self.force)
             if solution.failure is not None:
                 raise NotEnclosed(solution.failure)

@@ -23,7 +23,7 @@ from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditione
 from ..harmonic.subdomain_preconditioners import SectorsPreconditioner, SubdomainPreconditioner
 from ..harmonic.whole_inverse import WholeInverse
 from .accuracy import Memory, Resolution
-from .beside import Beside
+from .corrector import Neighbours
 from .iterate import Iterate, PointState
 from .point_solver import Workspace
 from .problems import Problem
@@ -76,8 +76,8 @@ def parts_of(task: BranchTask, state: BranchState) -> dict[str, Part]:
         if point is not None:
             parts[name] = Part(point, partial(point_arrays, solver.equation, point))
     corrector = solver.workspace.corrector(solver.equation, solver.resolution)
-    if corrector.beside is not None:
-        parts["beside"] = Part(corrector.beside, partial(_of_beside, solver.equation, corrector.beside))
+    if corrector.neighbours is not None:
+        parts["neighbours"] = Part(corrector.neighbours, partial(_of_neighbours, solver.equation, corrector.neighbours))
     newton = corrector.newton_solver
     adjoint, forward = (task.estimator.adjoint_solver, task.estimator.forward_solver) if task.estimator else (None, None)
     for name, solver_of in (("newton", newton), ("adjoint", adjoint), ("forward", forward)):
@@ -99,8 +99,8 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     memory = Memory(arrays.get("peak"), calm, patience, int(arrays["ceiling"]))
     points = {name: point_state(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
     corrector = workspace.corrector(solver.equation, solver.resolution)
-    if "beside/bend" in arrays:
-        corrector.beside = _beside(under("beside", arrays), owned)
+    if "neighbours/bend" in arrays:
+        corrector.neighbours = _neighbours(under("neighbours", arrays), owned)
     made = _made_again(under("newton", arrays), solver.problem) if "newton/U" in arrays else None
     corrector.newton_solver.restore(made, bool(needs_preconditioner))
     if task.estimator is not None:
@@ -138,22 +138,22 @@ def point_state(arrays: Arrays, owned: slice) -> PointState:
     return PointState(there, arrays["selected"], size, force, bool(sticks), sliding, moved, arrays["amplitude"])
 
 
-def _of_beside(equation: HarmonicBalance, beside: Beside) -> Arrays:
+def _of_neighbours(equation: HarmonicBalance, neighbours: Neighbours) -> Arrays:
     """Return the arrays of the neighbours of a maximum.  Collective."""
     return {
-        "distance": np.array(beside.distance),
-        "bend": np.array(beside.bend),
-        "U": np.stack([equation.gather(side.U) for side in beside.sides]),
-        "parameters": np.array([side.parameters for side in beside.sides]),
-        "harmonics": np.array(beside.sides[0].harmonics.chosen),
+        "distance": np.array(neighbours.distance),
+        "bend": np.array(neighbours.bend),
+        "U": np.stack([equation.gather(side.U) for side in neighbours.sides]),
+        "parameters": np.array([side.parameters for side in neighbours.sides]),
+        "harmonics": np.array(neighbours.sides[0].harmonics.chosen),
     }
 
 
-def _beside(arrays: Arrays, owned: slice) -> Beside:
+def _neighbours(arrays: Arrays, owned: slice) -> Neighbours:
     """Return the neighbours of a maximum.  Local."""
     harmonics, sides = _harmonics(arrays["harmonics"]), zip(arrays["U"], arrays["parameters"])
     before, after = (Iterate(U[owned].copy(), tuple(map(float, parameters)), harmonics) for U, parameters in sides)
-    return Beside(float(arrays["distance"]), float(arrays["bend"]), (before, after))
+    return Neighbours(float(arrays["distance"]), float(arrays["bend"]), (before, after))
 
 
 # -- where a preconditioner was made -------------------------------------------------------------------------------

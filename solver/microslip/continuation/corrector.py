@@ -21,7 +21,6 @@ from ..harmonic.operating_point import ContactForces
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..parallel.petsc import free
 from ..system.watchdog import moved
-from .beside import Beside
 from .constraint_rows import Constraint, Place, Scaling
 from .iterate import Iterate
 from .problems import Problem
@@ -56,6 +55,15 @@ def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: flo
 
 
 @dataclass(frozen=True, eq=False)
+class Neighbours:
+    """Neighbours of a maximum by the phase of an output, from which the search for the next one along the branch begins."""
+
+    distance: float  # rad
+    bend: float  # 1/rad2, of the amplitude over the phase: 1 for one mode
+    sides: tuple[Iterate, Iterate]  # the solutions before and after, turned to the phase of the maximum, less it; U over its size
+
+
+@dataclass(frozen=True, eq=False)
 class Correction:
     """Result of one corrector solve; ``failure`` is None if it converged."""
 
@@ -67,7 +75,7 @@ class Correction:
     bound: float = 0.0  # the requested tolerance
     gap: float = 0.0  # m, the most that the motion of the stiffest pairs and that under their forces differ by
     is_linear: bool = False  # the linear response, found without solving
-    beside: tuple[Iterate, ...] = ()  # solutions before and after a maximum by the phase, where the curve may have a corner
+    neighbours: tuple[Iterate, ...] = ()  # solutions before and after a maximum by the phase, where the curve may have a corner
     within: float = 0.0  # rad/s: of a maximum that is a corner, the interval that it lies in; 0 where the slope is
 
     def with_effort_of(self, other: Correction) -> Correction:
@@ -189,7 +197,7 @@ class Corrector:
     ):
         self.comm, self.shape, self.tolerance, self.k = comm, shape, tolerance, n_parameters
         self._tangents_at_end, self._is_first = tangents_at_end, False
-        self.beside: Beside | None = None  # of the last maximum by its phase
+        self.neighbours: Neighbours | None = None  # of the last maximum by its phase
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.n_U = int(np.prod(shape))
         self.newton_solver = NewtonSolver(comm)
@@ -261,7 +269,7 @@ class Corrector:
             exactness = Exactness(system.scaling.weight)
             attempts = [self._solve(system, guess, exactness)]
             if attempts[-1].reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
-                self.newton_solver.ask_for_preconditioner()
+                self.newton_solver.request_preconditioner()
                 attempts.append(self._solve(system, guess, exactness))
             if attempts[-1].reason <= 0 and self.newton_solver.is_single and not self._is_exact():
                 attempts.append(self._solve(system, guess, replace(exactness, in_double=True)))

@@ -118,7 +118,7 @@ def beginning(of: ResponseProblem, level: float, curve: Sequence[Arrays], i: int
         first = accept(task, state, solution)
         solver, now, ds = first.state.solver, first.now, task.steps.ds
         d_U = state.solver.harmonics.carry(d_U, solver.harmonics)
-        before = replace(now, iterate=solver.beside(now.iterate, -ds / length * d_U, -ds / length * d_nu))
+        before = replace(now, iterate=solver.stepped(now.iterate, -ds / length * d_U, -ds / length * d_nu))
         state = first.state.after(before, now, ds)
         arrays = over("before", point_arrays(solver.equation, before)) | over("now", point_arrays(solver.equation, now))
         return Beginning(first.point, state_arrays(state) | arrays)

@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .beside import Beside
 from .constraint_rows import Constraint, Plane
-from .corrector import BorderedSystem, Correction, Corrector
+from .corrector import BorderedSystem, Correction, Corrector, Neighbours
 from .iterate import Iterate
 from .output_rows import PhaseRow
 from .outputs import output_at
@@ -100,8 +99,8 @@ class _Search:
     def __init__(self, row: MaximumByPhase, corrector: Corrector, system: BorderedSystem, guess: Iterate):
         self.row, self.corrector, self.system, self.guess = row, corrector, system, guess
         self.newton = self.krylov = 0
-        self.distance, beside = max(DISTANCE, SAMPLES * 2.0 * np.pi / system.equation.n_samples), corrector.beside
-        self.known = beside if beside is not None and beside.distance == self.distance else None
+        self.distance, known = max(DISTANCE, SAMPLES * 2.0 * np.pi / system.equation.n_samples), corrector.neighbours
+        self.known = known if known is not None and known.distance == self.distance else None
         if row.is_of_output:
             a = self.output(guess)
             self.size, self.phase = abs(a), float(np.angle(a))
@@ -155,7 +154,7 @@ class _Search:
                 return solution if is_sure else None, three
             if abs(three.top - t) <= SETTLED:
                 break
-        self.corrector.beside = self.beside(three)
+        self.corrector.neighbours = self.neighbours(three)
         return solution, three
 
     # -- the solutions before and after a phase ---------------------------------------------------------------------
@@ -230,7 +229,7 @@ class _Search:
         side = self.known.sides[way > 0].on(there.harmonics)
         return self.turned(combined((there, replace(side, U=self.size * side.U)), (1.0, 1.0)), way * self.distance)
 
-    def beside(self, three: _Three) -> Beside:
+    def neighbours(self, three: _Three) -> Neighbours:
         """Return the neighbours of the maximum, the solution in the middle.  Local."""
         low, here, high = (
             self.turned(there, (three.t - t) * self.distance) for there, t in zip(three.solutions, (-1.0, three.t, 1.0))
@@ -238,12 +237,12 @@ class _Search:
         places = (combined((low, here, high), through(three.t, three.t + way)) for way in (-1.0, 1.0))
         before, after = (combined((place, here), (1.0, -1.0)) for place in places)
         sides = replace(before, U=before.U / self.size), replace(after, U=after.U / self.size)
-        return Beside(self.distance, self.bend(three), sides)
+        return Neighbours(self.distance, self.bend(three), sides)
 
     def with_neighbours(self, solution: Correction, three: _Three) -> Correction:
-        """Return the solution at the top with those beside it, where the curve may have a corner there.  Local."""
+        """Return the solution at the top with its neighbours, where the curve may have a corner there.  Local."""
         low, _, high = three.solutions
-        return replace(solution, beside=(low, high)) if self.bend(three) > SHARP else solution
+        return replace(solution, neighbours=(low, high)) if self.bend(three) > SHARP else solution
 
     def bend(self, three: _Three) -> float:
         """Return the bend of the amplitude over the phase [1/rad2], relative to the amplitude.  Local."""

@@ -52,9 +52,9 @@ class Workspace:
         """Return the corrector of a resolution, a new one in place of the last where that is another.  Collective."""
         if self._resolution != resolution:
             self.destroy()
-            self._resolution, beside = resolution, self._corrector.beside
+            self._resolution, neighbours = resolution, self._corrector.neighbours
             self._corrector = self._new_corrector(equation)
-            self._corrector.beside = beside
+            self._corrector.neighbours = neighbours
         return self._corrector
 
     def _new_corrector(self, equation: HarmonicBalance) -> Corrector:
@@ -201,18 +201,18 @@ class PointSolver:
         Collective.
         """
         (below, selected), row = solution, self.problem.maximum
-        if not (isinstance(row, MaximumByPhase) and below.beside):
+        if not (isinstance(row, MaximumByPhase) and below.neighbours):
             return solution
         there, corrector = below.iterate, self.workspace.corrector(self.equation, self.resolution)
         scaling = self.scaling(self.norm(there.U), self.force(there, selected))
         system = BorderedSystem(self.problem, (Plane.fixed_parameter(there),), scaling, selected)
         forward = AdjointSolver(self.comm, EXACT, np.float64)
         try:
-            top = Maximum(row.output, 1, forward, below.beside).correct(corrector, system, there)
+            top = Maximum(row.output, 1, forward, below.neighbours).correct(corrector, system, there)
         finally:
             forward.destroy()
         self.workspace.spent += top.newton
-        low, high = below.beside
+        low, high = below.neighbours
         is_near = self.norm(top.iterate.U - there.U) < self.norm(high.U - low.U)
         sizes = [abs(row.amplitude(system, each)) for each in (there, top.iterate)]
         if top.failure is not None or not is_near or sizes[1] <= sizes[0]:
@@ -263,7 +263,7 @@ class PointSolver:
         """Return the difference of the scaled parameters of two iterates, (k,).  Local."""
         return np.subtract(b.parameters, a.parameters) / self.units
 
-    def beside(self, now: Iterate, d_U: np.ndarray, d_nu: np.ndarray) -> Iterate:
+    def stepped(self, now: Iterate, d_U: np.ndarray, d_nu: np.ndarray) -> Iterate:
         """Return the iterate at a distance in motion (n_owned, 3, N_H) [m] and scaled parameters (k,) from another.  Local."""
         return Iterate(now.U + d_U, tuple(map(float, now.parameters + d_nu * self.units)), self.harmonics)
 

@@ -90,7 +90,7 @@ class Ahead:
             bent = d_nu + share * self.bend_nu
             if not is_by_parameter or bent[0] * d_nu[0] > 0.0:
                 d_U, d_nu = d_U + share * self.bend_U, bent
-        return self.solver.beside(self.now.iterate, d_U, d_nu)
+        return self.solver.stepped(self.now.iterate, d_U, d_nu)
 
     def length_to(self, value: float) -> float:
         """Return the shortest step to a value of the parameter.  Local."""

@@ -240,7 +240,7 @@ def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
     normal = d_U / (now.size * length), d_nu / length
     come_from = tangent(solver, now, now.iterate, *normal)
     for ds in stuck.steps.ds_min * CORNERS:
-        ahead = solver.beside(now.iterate, ds / length * d_U, ds / length * d_nu)
+        ahead = solver.stepped(now.iterate, ds / length * d_U, ds / length * d_nu)
         t_xi, t_nu = tangent(solver, now, ahead, *normal)
         for way in (-ds, ds):
             guess = along(solver, now, way, t_xi, t_nu)
@@ -307,7 +307,7 @@ def tangent(
 
 def along(solver: PointSolver, now: PointState, ds: float, t_xi: np.ndarray, t_nu: np.ndarray) -> Iterate:
     """Return the place a step ``ds`` along a tangent.  Local."""
-    return solver.beside(now.iterate, ds * now.size * t_xi, ds * t_nu)
+    return solver.stepped(now.iterate, ds * now.size * t_xi, ds * t_nu)
 
 
 def regularised(solver: PointSolver, moving: float, least: float) -> PointSolver | None:

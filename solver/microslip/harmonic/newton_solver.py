@@ -65,7 +65,7 @@ class NewtonSolver:
         """Take over the preconditioner of another solver, and its request for a new one.  Local."""
         self.preconditioner, self.needs_preconditioner = preconditioner, needs_one
 
-    def ask_for_preconditioner(self) -> None:
+    def request_preconditioner(self) -> None:
         """Request a (new) preconditioner at the next linearisation.  Local."""
         self.needs_preconditioner = True
 
@@ -74,7 +74,7 @@ class NewtonSolver:
         is_large = self._active is not None and (len(self._active) > LARGE or self._at.equation.model.n_sectors > 1)
         many = MANY_IN_STIFF if weight != 1.0 else MANY_IN_LARGE if is_large else MANY_KRYLOV
         if newton > 0 and krylov > many * newton:
-            self.ask_for_preconditioner()
+            self.request_preconditioner()
 
     def solve(
         self,

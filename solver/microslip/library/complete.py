@@ -11,7 +11,7 @@ from ..formats.read import read_model
 from ..messages.errors import CaseError, Faults
 from ..messages.words import counted, hint, listed
 from ..parallel.agree import on_root
-from ..scene.checks import remarks
+from ..scene.checks.structure import remarks
 from ..scene.read import completed
 from ..scene.schema import Scene
 from ..tables.joint import Joint

@@ -79,8 +79,10 @@ class StaticColumns:
     def store(self, pairs: np.ndarray, columns: np.ndarray) -> None:
         """Store columns without marking them as known, since the points of a curve depend on the order of required columns.
 
-        Local.
+        Local.  Raises ValueError: they are not those of the pairs on this rank's rows.
         """
+        if columns.shape != (3 * self.n_owned, 3 * len(pairs)):  # products read by address, and past the end of shorter columns
+            raise ValueError(f"columns of {len(pairs)} pairs in {self.n_owned} rows of pairs have the shape {columns.shape}")
         held = np.ascontiguousarray(columns.T, dtype=complex if self.is_complex else float)
         self._held.append(held)
         self._places[pairs] = places_of(held).reshape(-1, 3)

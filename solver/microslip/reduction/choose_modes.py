@@ -40,7 +40,7 @@ def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]
 
 def as_stated(omega_n: np.ndarray, settings: ReductionSettings, n_dof: int) -> str:
     """Return the line on the reason for a stated number of modes.  Local."""
-    return f"modes: {settings.modes}, as [solver] modes says" + _missing(omega_n, settings.band, n_dof)
+    return f"modes: {settings.modes}, stated by [solver] modes" + _missing(omega_n, settings.band, n_dof)
 
 
 def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:

@@ -13,7 +13,8 @@ from pydantic import ValidationError
 from ..messages.errors import CaseError
 from ..messages.words import is_deeply_nested, shortened
 from ..system.files import refuse_devices
-from .checks import absent, contradictions, missing_files
+from .checks import contradictions
+from .checks.files import absent, missing_files
 from .messages import in_words
 from .overrides import overridden
 from .schema import Scene

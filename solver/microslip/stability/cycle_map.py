@@ -27,8 +27,8 @@ class ModalStep:
     def __init__(self, omega_n: np.ndarray, damping: Damping, h: float):
         self.omega_n, m = omega_n, len(omega_n)
         if damping.couples_modes:
-            one, none, squares = np.eye(m), np.zeros((m, m)), np.diag(omega_n)
-            rows = [[none, squares, none, none], [-squares, -damping.C, one, none], [none, none, none, one / h], [none] * 4]
+            one, zero, squares = np.eye(m), np.zeros((m, m)), np.diag(omega_n)
+            rows = [[zero, squares, zero, zero], [-squares, -damping.C, one, zero], [zero, zero, zero, one / h], [zero] * 4]
             E = expm(h * np.block(rows)).reshape(4, m, 4, m).transpose(0, 2, 1, 3)
         else:
             rates = np.zeros((m, 4, 4))
@@ -149,13 +149,14 @@ class CycleMap:
     @cached_property
     def _steps(self) -> list[ContactStep | None]:
         """The contact of each step; None where no force varies."""
-        none, steps = np.zeros(0, dtype=int), [self._contact_step(0, np.zeros(0, dtype=int))]
+        no_rows = np.zeros(0, dtype=int)
+        steps = [self._contact_step(0, no_rows)]
         for i, repeats in enumerate(self.contact.repeats[1:], start=1):
             before = steps[-1]
             if repeats:  # as while a pair is open
-                steps.append(before and replace(before, fresh=none))
+                steps.append(before and replace(before, fresh=no_rows))
             else:
-                steps.append(self._contact_step(i, before.rows if before else none))
+                steps.append(self._contact_step(i, before.rows if before else no_rows))
         return steps
 
     def _contact_step(self, i: int, before: np.ndarray) -> ContactStep | None:

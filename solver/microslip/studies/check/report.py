@@ -165,7 +165,7 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     refuse_too_many(solver.modes, n_dof, scene.path, scene.response.mode)
     modes = f"number chosen at run time for [solver] accuracy = {scene.accuracy or ACCURACY_OF_MODES:g}"
     if solver.modes or n_dof <= FEW:
-        modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all"
+        modes = f"{solver.modes}, stated by [solver] modes" if solver.modes else "all"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
     settings = reduction_settings(scene)
     n_loads = len(settings.excitation.shapes)

@@ -70,16 +70,16 @@ def disconnected(
     connected = [np.concatenate(joint.nodes) for joint in joints]
     connected += [np.concatenate([mesh.node_groups[name] for name in tie.surfaces]) for tie in file.ties]
     connected += [mesh.node_groups[point.group] for point in file.connected]
-    cluster = parts_of([np.arange(len(names))[:, None], *(np.unique(part[nodes])[None] for nodes in connected)], len(names))[1]
+    component = parts_of([np.arange(len(names))[:, None], *(np.unique(part[nodes])[None] for nodes in connected)], len(names))[1]
     held = [mesh.node_groups[name] for name in fixed] + [_fixed_nodes(mesh, file, support) for support in file.supports]
-    is_held = np.isin(cluster, cluster[part[np.concatenate([np.zeros(0, dtype=np.int64), *held])]])
+    is_held = np.isin(component, component[part[np.concatenate([np.zeros(0, dtype=np.int64), *held])]])
     if not is_held.any():
-        is_held = cluster == np.bincount(cluster[part]).argmax()
+        is_held = component == np.bincount(component[part]).argmax()
     rest = cKDTree(mesh.points[is_held[part]])
     lines = []
-    for number in np.unique(cluster[~is_held]):
-        distance = rest.query(mesh.points[cluster[part] == number])[0].min()
-        who = listed([names[i] for i in np.flatnonzero(cluster == number)])
+    for number in np.unique(component[~is_held]):
+        distance = rest.query(mesh.points[component[part] == number])[0].min()
+        who = listed([names[i] for i in np.flatnonzero(component == number)])
         lines.append(
             f"{who}: {distance:.3g} m from the rest, and nothing connects it: add a joint, a tie or supports, or move it"
         )

@@ -17,7 +17,7 @@ from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
-from ...scene.checks import OF_DISCS
+from ...scene.checks.disc import OF_DISCS
 from ...scene.read import changed
 from ...scene.schema import Scene
 from ..compare.command import LARGEST_REFERENCE

@@ -1,0 +1,142 @@
+"""Checks of damping, harmonics and response of a scene."""
+
+from typing import get_args
+
+from ...messages.words import hint
+from ...tables.joint import OfPoints
+from ..schema import Scene
+
+
+def damping(scene: Scene) -> list[str]:
+    """Return mistakes: damping that is missing or stated twice."""
+    if scene.damping is None and scene.model.damping is None:
+        return [f"[damping] is missing: expected {Scene.model_fields['damping'].description}"]
+    if scene.damping is not None and scene.model.damping is not None:
+        return ["[damping]: the model also has a damping matrix, [model] damping; state only one of them"]
+    return []
+
+
+def harmonics(scene: Scene) -> list[str]:
+    """Return mistakes: loads in a harmonic outside the solution, and error bars with a list of harmonics."""
+    stated = scene.solver.harmonics
+    text, remedy = (f"{list(stated)}", "add it") if isinstance(stated, tuple) else (f"{stated}", "raise that")
+    change = "change" if isinstance(stated, tuple) else "lower"
+    mistakes = [
+        f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = 0 is a static balance, in which nothing vibrates; "
+        f"state at least {load.harmonic}, or harmonic = 0 of a constant load"
+        if scene.is_static
+        else f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {text} leaves it out; {remedy}, or {change} "
+        "the load's harmonic"
+        for number, load in enumerate(scene.loads, 1)
+        if load.harmonic not in scene.chosen_harmonics
+    ]
+    if scene.leaves_harmonics_out and scene.solver.error_bars:
+        mistakes.append(
+            f"[solver] harmonics = {text} leaves harmonics out, which error bars do not cover: state error_bars = false, or "
+            f"harmonics = {scene.harmonics}"
+        )
+    return mistakes
+
+
+def constant_loads(scene: Scene) -> list[str]:
+    """Return mistakes: statics with a method that selects pairs by dissipation, or that carries loads by modes only."""
+    solver = scene.solver
+    if not scene.is_static:
+        return []
+    if solver.method == "adaptive-energy" and not solver.in_point_check:
+        return [
+            '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates, and pairs that slide would be dropped; '
+            'take "receptance", or in_point_check = true'
+        ]
+    if solver.method in ("craig-bampton", "rubin") and solver.modes is None:
+        return [
+            f'[solver] modes is missing: with harmonics = 0 the modes of method = "{solver.method}" carry the load, and '
+            'accuracy does not choose their number; state it, or take "receptance", which is exact with any number'
+        ]
+    return []
+
+
+def bars(scene: Scene) -> list[str]:
+    """Return mistakes: error bars that are needed but off; accuracy_of without an accuracy."""
+    if scene.solver.accuracy_of != "amplitude" and scene.accuracy is None:
+        return ["[solver] accuracy_of has no effect without accuracy; state accuracy, or leave accuracy_of out"]
+    if scene.solver.error_bars or not (scene.chooses("harmonics") or scene.chooses("samples")):
+        return []
+    return ["[solver] error_bars = false: accuracy chooses harmonics and samples by them; leave error_bars out, or state both"]
+
+
+def stability(scene: Scene) -> list[str]:
+    """Return mistakes: stability without vibration, of one sector of a disc, or with structural damping."""
+    if not scene.response.stability:
+        return []
+    begin = "[response] stability = true: "
+    if scene.is_static:
+        return [f"{begin}with harmonics = 0 nothing vibrates, so that there is no cycle; leave stability out"]
+    if scene.cyclic is not None and not scene.cyclic.whole:
+        return [
+            f"{begin}a disturbance need not be a wave, and the model has one sector; state [cyclic] whole = true, or leave "
+            "stability out"
+        ]
+    if scene.damping is not None and scene.damping.structural:
+        return [
+            f"{begin}a loss factor, [damping] structural, is only defined for steady vibration and has no equivalent in time; "
+            "state ratio in its place, of about half the loss factor, or leave stability out"
+        ]
+    return []
+
+
+def sensitivities(scene: Scene) -> list[str]:
+    """Return mistakes: derivatives of what does not vibrate."""
+    if not (scene.response.sensitivities and scene.is_static):
+        return []
+    return ["[response] sensitivities = true: with harmonics = 0 nothing vibrates; leave sensitivities out"]
+
+
+def peaks(scene: Scene) -> list[str]:
+    """Return mistakes: peaks without vibration, or of a method with pairs selected from the previous point."""
+    stated = {"[response] peaks = true": scene.response.peaks, "[[response.over]]": scene.response.over}
+    where = next((where for where, is_stated in stated.items() if is_stated), None)
+    if where is None:
+        return []
+    if scene.is_static:
+        return [f"{where}: with harmonics = 0 nothing vibrates, and there is no peak; leave peaks out"]
+    if scene.solver.method in ("adaptive", "adaptive-energy"):
+        return [f'{where}: method = "{scene.solver.method}" selects its pairs at the previous point; take "receptance"']
+    return []
+
+
+def over(scene: Scene) -> list[str]:
+    """Return mistakes: a key that the scene does not have, or that the state of rest depends on."""
+    mistakes, names = [], {joint.name for joint in scene.joints}
+    outputs = [output.name for output in scene.outputs]
+    for i, over in enumerate(scene.response.over, 1):
+        where = f"[[response.over]] {i}"
+        if over.output is not None and over.output not in outputs:
+            mistakes.append(f"{where} output: there is no output {over.output!r}{hint(over.output, outputs)}")
+        if over.key == "level":
+            continue
+        known = ["level", "damping", "damping.ratio"]
+        known += [f"joints.{name}.{key}" for name in sorted(names) for key in get_args(OfPoints)]
+        if over.key not in known:
+            mistakes.append(f"{where} key: there is no number {over.key!r}{hint(over.key, known)}")
+        elif over.key in ("damping", "damping.ratio"):
+            mistakes += [f"{where} key: {problem}" for problem in _of_damping(scene, over.key)]
+        elif scene.statics is not None:
+            mistakes.append(f"{where} key: with [statics] the state of rest depends on {over.key}; follow peaks over the level")
+    return mistakes
+
+
+def _of_damping(scene: Scene, key: str) -> list[str]:
+    """Return mistakes: peaks over a damping that is not there, is not viscous, or is not the ratio alone."""
+    stated = {} if scene.damping is None else {name: value for name, value in scene.damping if value}
+    if stated.get("structural"):
+        return ["peaks are followed over viscous damping alone; state [damping] ratio in the place of structural"]
+    if key == "damping.ratio" and set(stated) != {"ratio"}:
+        return ["[damping] ratio is not the only damping here; take damping, a factor of all viscous damping"]
+    return []
+
+
+def mode(scene: Scene) -> list[str]:
+    """Return mistakes: a range around a mode beyond the computed ones."""
+    mode, modes = scene.response.mode, scene.solver.modes
+    return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and modes and mode > modes else []
