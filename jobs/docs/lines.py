@@ -39,7 +39,8 @@ FEATURES = {
     ),
     "sweeps, sensitivities, identification, wear": (
         "*sweep*", "library/design.py", "library/varied.py", "library/sample_peaks.py", "*sensitivit*", "*identify*",
-        "formats/measured.py", "*/wear*", "*worn*", "library/jumps.py", "*other_springs*",
+        "*/fitted_numbers.py", "*/measured_model.py", "formats/measured.py", "*/wear*", "*worn*", "library/jumps.py",
+        "*other_springs*",
     ),
     "modes as a command": ("studies/modes/*",),
     "parts of a level on groups of ranks": ("continuation/divided.py", "library/side_by_side.py"),

@@ -17,7 +17,8 @@ from scipy.optimize import minimize_scalar
 
 import microslip
 from microslip.formats.measured import measured_of, read_measured
-from microslip.library.identify import _fitted, _Model, refuse_bounds
+from microslip.library.fitted_numbers import fitted_numbers, refuse_bounds
+from microslip.library.measured_model import MeasuredModel
 from microslip.library.respond import scene_with
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
@@ -200,7 +201,7 @@ def test_the_jacobian_of_peaks_is_that_of_differences(structure):
     scene = scene_with(structure.scene, {"sensitivities": True, "error_bars": False}, {})
     columns = {"peak_frequency_Hz": [80.0] * 2, "amplitude_m": [1e-3] * 2, "level_N": LEVELS}
     rows = measured_of(columns, "", ("6",), ("m",), LEVELS)
-    model = _Model(structure, scene, rows, _fitted(scene, structure, BOUNDS))
+    model = MeasuredModel(structure, scene, rows, fitted_numbers(scene, structure, BOUNDS))
     begin = np.log([1.0, 0.02])
     jacobian = model.jacobian(begin).copy()
     for i, step in enumerate(0.03 * np.eye(2)):

@@ -7,7 +7,8 @@ from mpi4py import MPI
 
 from ...formats.measured import read_measured
 from ...library.build import build
-from ...library.identify import identify, refuse_bounds
+from ...library.fitted_numbers import refuse_bounds
+from ...library.identify import identify
 from ...library.settings import output_names, refuse_discs, refuse_statics, units_of
 from ...messages.errors import CaseError, ConvergenceError
 from ...parallel.agree import on_root

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...formats.csv_table import numbered_rows
-from ...library.identify import IN_FILE, Identified
+from ...library.fitted_numbers import IN_FILE
+from ...library.identify import Identified
 from ...library.settings import output_names, units_of
 from ...observe.screen_table import screen_table
 from ...results.style import FAINT, INK, RC, WIDTH, Page, level_colours, plain, with_prefix
