@@ -7,6 +7,7 @@ import numpy as np
 
 from ..messages.errors import CaseError
 from ..modes.limits import FEW, SHARE, most_modes
+from ..modes.shift_invert import ModeSearch
 from ..points.band import Band, frequency_band
 from .settings import ReductionSettings
 from .stuck import StuckStructure
@@ -62,7 +63,7 @@ def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
     n_computed, search = 0, None
     for n_batch, is_last in batches(n_dof, mode):
         if stuck.n_computed < n_batch:
-            search = search or stuck.search()
+            search = search or ModeSearch(stuck.linearised)
             stuck = stuck.with_modes(stuck.lowest_modes(n_batch, verify=False, allows_fewer=True, search=search))
         n_computed = min(n_batch, stuck.n_computed)
         is_all = n_computed < n_batch or n_computed == n_dof

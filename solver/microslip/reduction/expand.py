@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..fourier.amplitudes import matrix_times
+from ..fourier.amplitudes import matrix_times, to_complex, to_real
 from ..fourier.harmonics import Harmonics
 from ..receptance.motions import ActingForces
+from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
+from .stuck import StuckStructure, project_rigid
 
 if TYPE_CHECKING:
     from ..assembly.system import System
     from ..points.branch import Branch
     from .reduction import Reduction
-    from .stuck import StuckStructure
 
 
 def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
@@ -34,11 +35,39 @@ def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[A
             for part, c in zip(each.groups, each.flexibilities(omega)):
                 if model.receptances.group_of(part.harmonics.chosen[0]) == group:
                     at.append((i, part, c, level * each.f[:, part.columns], p[:, part.columns]))
-        static = of_group.static_motions([(f, p) for *_, f, p in at])
+        static = _static_motions(of_group, [(f, p) for *_, f, p in at])
         for (i, part, c, f, p), u in zip(at, static):
             dynamic = matrix_times(of_group.modes.phi_owned, c.apply(part.receptance.modal_forces(f, p)))
-            fields[i].append(u + dynamic + of_group.rigid_field(part.receptance, f, c.n_omega))
+            fields[i].append(u + dynamic + rigid_field(of_group, part.receptance, f, c.n_omega))
     return [each.joined(terms) for each, terms in zip(full, fields)]
+
+
+def _static_motions(stuck: StuckStructure, at: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
+    """Return K_L^-1 (f - R^H p), this rank's rows (n_owned, N_H) each, under coefficients f and p: all at once.
+
+    A group with complex matrices has one right-hand side in real form per harmonic.
+    """
+    is_complex = stuck.is_complex
+    amplitudes = [(to_complex(f), to_complex(p)) if is_complex else (f, p) for f, p in at]
+    forces = [stuck.load_forces(f) - stuck.pair_forces(p) for f, p in amplitudes]
+    if not forces:
+        return []
+    motions = np.split(stuck.solve(np.hstack(forces)), np.cumsum([force.shape[1] for force in forces])[:-1], axis=1)
+    return [to_real(u, f.shape[1]) for u, (f, _) in zip(motions, at)] if is_complex else motions
+
+
+def rigid_field(stuck: StuckStructure, receptance: Receptance, f: np.ndarray, n_omega: np.ndarray) -> np.ndarray:
+    """Return the rigid-body motion of this rank's rows, (n_owned, N_H), under loads f (n_loads, N_H).
+
+    A single zero, (1, 1), for a structure with supports.
+    """
+    if receptance.rigid is None or stuck.rigid is None:
+        return np.zeros((1, 1))
+    modes = stuck.factor.rigid
+    here = project_rigid(stuck.system, modes)  # with the factor's modes, as stored ones may have other signs
+    assert modes is not None and here is not None, "the factor of a free structure"
+    alpha = float((receptance.rigid.C - stuck.rigid.C)[0, 0])
+    return modes.phi_owned @ here.with_damping(alpha).coordinates(f, n_omega)
 
 
 def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:

@@ -21,6 +21,7 @@ import scipy.linalg
 from ..fourier.amplitudes import to_real
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
+from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of, split_evenly
 from ..points.selection import AllPairs
@@ -34,6 +35,7 @@ from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.rigid_motion import RigidMotion
 from ..receptance.static_columns import StaticColumns
 from ..receptance.static_response import StaticResponse
+from .expand import rigid_field
 from .modal_structure import damped_modes, damped_rigid
 from .reduction import Basis, Expansion, Reduction
 from .settings import ReductionSettings
@@ -68,7 +70,7 @@ def reduce_on_basis(
             full = model.with_harmonics(Harmonics.full(p.shape[-1]))
             (eta,) = modal_motion(full, level, omega, p)
             elastic = phi_owned @ to_real(eta, full.N_H)
-            fields.append(elastic + stuck.rigid_field(full.groups[0].receptance, level * full.f, omega * full.harmonics.numbers))
+            fields.append(elastic + rigid_field(stuck, full.groups[0].receptance, level * full.f, omega * full.harmonics.numbers))
         return fields
 
     basis = Basis(project_modes(stuck.system, omega_n, phi_owned), unknowns or V_owned.shape[1], leaves_out)
@@ -97,7 +99,7 @@ def galerkin_modes(stuck: StuckStructure, V_owned: np.ndarray) -> tuple[np.ndarr
             phi_owned = phi_owned @ q
     theta = np.maximum(theta, MASSLESS * theta[0])
     phi_owned = phi_owned / np.sqrt(theta)  # from phi^T K_L phi = I
-    eigenvalues = stuck.sharpened(1.0 / theta, phi_owned)
+    eigenvalues = sharpened(stuck.linearised, 1.0 / theta, phi_owned)
     order = np.argsort(eigenvalues)
     return np.sqrt(eigenvalues[order]), phi_owned[:, order]
 

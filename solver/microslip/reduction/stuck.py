@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,6 @@ import scipy.sparse as sp
 
 from ..assembly.real_form import complex_columns, real_columns, real_matrix
 from ..assembly.system import System
-from ..fourier.amplitudes import to_complex, to_real
 from ..guards.memory import refuse_beyond
 from ..linear.dense import column_norms, diagonal_owned, gram, multiply
 from ..linear.factor import Factor
@@ -21,14 +20,12 @@ from ..mesh.data import ContactPairs, Mesh
 from ..messages.errors import CaseError
 from ..modes.constraint import RowSums, static_columns
 from ..modes.eigen import Modes, conjugated, first_of, is_complete, lowest_modes
-from ..modes.rayleigh import sharpened
 from ..modes.shift_invert import ModeSearch
 from ..modes.user_order import in_user_order
 from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.modes import ProjectedModes
 from ..receptance.observed import Observed
 from ..receptance.per_group import PerGroup, only_group
-from ..receptance.receptance import Receptance
 from ..receptance.rigid_motion import RigidMotion
 from ..receptance.static_columns import BATCH, FROM_DISK, StaticColumns
 from ..receptance.static_response import StaticResponse
@@ -241,10 +238,13 @@ class StuckStructure:
         return self.linearised.maps.rows
 
     def product(self, A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A X, (n_owned, q), for one of the structure's matrices A."""
-        if not self.is_complex:
+        """Return this rank's rows of A X, (n_owned, q), for one of the structure's matrices A and X real or complex."""
+        if self.is_complex:
+            return self._conjugated(multiply(A, self._conjugated(X_owned.astype(complex, copy=False))))
+        if not np.iscomplexobj(X_owned):
             return multiply(A, X_owned)
-        return self._conjugated(multiply(A, self._conjugated(X_owned.astype(complex, copy=False))))
+        real, imaginary = np.hsplit(multiply(A, np.hstack([X_owned.real, X_owned.imag])), 2)
+        return real + 1j * imaginary
 
     def _conjugated(self, X: np.ndarray) -> np.ndarray:
         """Return X, or its conjugate if the matrices are those of the conjugate group.  Local."""
@@ -276,24 +276,6 @@ class StuckStructure:
         """Return this rank's rows of R^H p, (n_owned, q), for forces p of all pairs (3 n_pairs, q)."""
         return self.system.R.conj(copy=False).T.tocsr()[self.rows] @ p
 
-    def damping_forces(self, z: np.ndarray, n_omega: float, eta: float) -> np.ndarray:
-        """Return this rank's rows of (n omega C + eta K) phi z, complex (n_owned, q), for modal motions z (n_modes, q)."""
-        system, u_owned = self.system, self.modes.phi_owned @ z
-        forces = np.zeros_like(u_owned, dtype=complex)
-        if system.C is not None:
-            forces += n_omega * self._times_complex(system.C, u_owned)
-        if eta > 0.0:  # of K, without the springs of the joints
-            springs = self.pairs.law.stiffness.reshape(-1, 1) * (self.projected.R_phi[:, : self.n_modes] @ z)
-            forces += eta * (self._times_complex(self.K_L, u_owned) - self.pair_forces(springs))
-        return forces
-
-    def _times_complex(self, A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A X for complex X, (n_owned, q), for a real or complex structure."""
-        if self.is_complex:
-            return self.product(A, X_owned)
-        real, imaginary = np.hsplit(multiply(A, np.hstack([X_owned.real, X_owned.imag])), 2)
-        return real + 1j * imaginary
-
     def participation(self, forces_owned: np.ndarray) -> np.ndarray:
         """Return phi^H times columns (n_owned, q) on every rank, (n_modes, q): one sum."""
         return gram(self.comm, self.modes.phi_owned, forces_owned)
@@ -308,40 +290,6 @@ class StuckStructure:
         q = forces_owned.shape[1]
         parts = self.factor.solve(np.hstack([forces_owned.real, forces_owned.imag]))
         return parts[:, :q] + 1j * parts[:, q:]
-
-    def static_motions(self, at: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
-        """Return K_L^-1 (f - R^H p), this rank's rows (n_owned, N_H) each, under coefficients f and p: all at once.
-
-        A group with complex matrices has one right-hand side in real form per harmonic.
-        """
-        is_complex = self.is_complex
-        amplitudes = [(to_complex(f), to_complex(p)) if is_complex else (f, p) for f, p in at]
-        forces = [self.load_forces(f) - self.pair_forces(p) for f, p in amplitudes]
-        if not forces:
-            return []
-        motions = np.split(self.solve(np.hstack(forces)), np.cumsum([force.shape[1] for force in forces])[:-1], axis=1)
-        return [to_real(u, f.shape[1]) for u, (f, _) in zip(motions, at)] if is_complex else motions
-
-    def rigid_field(self, receptance: Receptance, f: np.ndarray, n_omega: np.ndarray) -> np.ndarray:
-        """Return the rigid-body motion of this rank's rows, (n_owned, N_H), under loads f (n_loads, N_H).
-
-        A single zero, (1, 1), for a structure with supports.
-        """
-        if receptance.rigid is None or self.rigid is None:
-            return np.zeros((1, 1))
-        modes = self.factor.rigid
-        here = project_rigid(self.system, modes)  # with the factor's modes, as stored ones may have other signs
-        assert modes is not None and here is not None, "the factor of a free structure"
-        alpha = float((receptance.rigid.C - self.rigid.C)[0, 0])
-        return modes.phi_owned @ here.with_damping(alpha).coordinates(f, n_omega)
-
-    def solve_sparse(self, forces: sp.csc_matrix) -> np.ndarray:
-        """Return K_L^-1 times sparse columns (n_dof, m), the same on every rank: this rank's rows (n_owned, m)."""
-        return self.factor.solve(forces)
-
-    def search(self) -> ModeSearch:
-        """Return a search for modes, which can be continued."""
-        return ModeSearch(self.linearised)
 
     def lowest_modes(
         self, n_modes: int, verify: bool = True, allows_fewer: bool = False, search: ModeSearch | None = None
@@ -372,14 +320,6 @@ class StuckStructure:
         if not is_complete(factored.linearised, factored.modes, n_modes):
             return None
         return replace(self, n_modes=n_modes, n_proved=factored.modes.n_proved)
-
-    def sharpened(self, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
-        """Return improved eigenvalues of modes, by :func:`~microslip.modes.rayleigh.sharpened`."""
-        return sharpened(self.linearised, eigenvalues, phi_owned)
-
-    def bring_K_back(self) -> None:
-        """Recreate ``system.K`` if it was freed."""
-        self.linearised.bring_K_back()
 
     def with_modes(self, modes: Modes) -> Self:
         """Return the same structure with other modes.  Collective: one sum, with a damping matrix two."""

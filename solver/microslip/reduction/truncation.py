@@ -269,7 +269,7 @@ class Norms:
     def of_damping_force(self, z: np.ndarray, n_omega: float) -> np.ndarray:
         """Return the norms of the damping forces of modal motions z, complex (n, q), at n omega, (n, q): by solves."""
         damping = self.settings.damping
-        return self.of_forces(self.stuck.damping_forces(z, n_omega, 0.0 if damping is None else damping.structural))
+        return self.of_forces(_damping_forces(self.stuck, z, n_omega, 0.0 if damping is None else damping.structural))
 
     def of_forces(self, X_owned: np.ndarray) -> np.ndarray:
         """Return the norms of complex columns X (n_owned, q), (n, q): 2 q static solves."""
@@ -278,3 +278,15 @@ class Norms:
             x_owned = X_owned[:, start : start + _COLUMNS]
             static[start : start + _COLUMNS] = summed(stuck.comm, np.einsum("ij,ij->j", x_owned.conj(), stuck.solve(x_owned)))
         return self.beyond(static, stuck.participation(X_owned))
+
+
+def _damping_forces(stuck: StuckStructure, z: np.ndarray, n_omega: float, eta: float) -> np.ndarray:
+    """Return this rank's rows of (n omega C + eta K) phi z, complex (n_owned, q), for modal motions z (n_modes, q)."""
+    system, u_owned = stuck.system, stuck.modes.phi_owned @ z
+    forces = np.zeros_like(u_owned, dtype=complex)
+    if system.C is not None:
+        forces += n_omega * stuck.product(system.C, u_owned)
+    if eta > 0.0:  # of K, without the springs of the joints
+        springs = stuck.pairs.law.stiffness.reshape(-1, 1) * (stuck.projected.R_phi[:, : stuck.n_modes] @ z)
+        forces += eta * (stuck.product(stuck.K_L, u_owned) - stuck.pair_forces(springs))
+    return forces

@@ -79,7 +79,7 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
     """
     if not keeps_to_K_L(settings):
         check_size(settings, stuck.system)
-        stuck.bring_K_back()
+        stuck.linearised.bring_K_back()
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)
     expand: Expansion = partial(displacements, stuck)

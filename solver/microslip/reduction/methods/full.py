@@ -107,7 +107,7 @@ def krylov_blocks(stuck: StuckStructure, modes: Modes, Y: sp.csc_matrix, n_block
     def on_complement(Z_owned: np.ndarray) -> np.ndarray:
         return Z_owned - phi_owned @ gram(comm, phi_owned, multiply(stuck.M, Z_owned))
 
-    blocks = [on_complement(stuck.solve_sparse(Y))]
+    blocks = [on_complement(stuck.factor.solve(Y))]
     while len(blocks) < n_blocks:
         blocks.append(on_complement(stuck.solve(multiply(stuck.M, blocks[-1]))))
     return blocks

@@ -27,10 +27,10 @@ FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: 3 solves per pair."""
     system, phi_owned = stuck.system, stuck.modes.phi_owned
-    Z_owned = stuck.solve_sparse(system.R.T.tocsc())
+    Z_owned = stuck.factor.solve(system.R.T.tocsc())
     Z_owned -= phi_owned @ gram(system.comm, phi_owned, multiply(stuck.M, Z_owned))
     shapes_owned = lowest_shapes(stuck, Z_owned, settings.interface_modes)
-    return reduce_on_basis(stuck, np.hstack([phi_owned, stuck.solve_sparse(system.loads), shapes_owned]), settings)
+    return reduce_on_basis(stuck, np.hstack([phi_owned, stuck.factor.solve(system.loads), shapes_owned]), settings)
 
 
 def lowest_shapes(stuck: StuckStructure, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:

@@ -32,11 +32,11 @@ FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: 3 solves per pair."""
     system, modes = stuck.system, stuck.modes
-    X_owned = stuck.solve_sparse(system.R.T.tocsc())
+    X_owned = stuck.factor.solve(system.R.T.tocsc())
     flexibility = summed(system.comm, system.R[:, stuck.rows] @ X_owned)
     forces = derivative_forces(joint_stiffness(stuck.pairs), owned_product(system.R, modes.phi_owned, system), modes.omega_n)
     chosen = on_root(system.comm, main_directions, forces, flexibility, settings.interface_modes)
-    V_owned = np.hstack([modes.phi_owned, stuck.solve_sparse(system.loads), X_owned @ chosen])
+    V_owned = np.hstack([modes.phi_owned, stuck.factor.solve(system.loads), X_owned @ chosen])
     return reduce_on_basis(stuck, V_owned, settings)
 
 
