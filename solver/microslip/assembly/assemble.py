@@ -15,10 +15,11 @@ from ..mesh.links import Links, find_links, fixed_places
 from ..mesh.locate import notes_on_positions
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_root, raise_together
+from ..tables.cyclic import Cyclic
 from ..tables.structure_tables import StructureTables
 from .check import check_elements
 from .constrained import constrained
-from .constraints import check_supports, constrain
+from .constraints import Constraints, check_supports, constrain
 from .fixed_pairs import notes_on_pairs
 from .maps import base_map, load_map, next_pair_map, orders_of, output_map, pair_map
 from .nodal_forces import NodalForces, nodal_forces
@@ -51,25 +52,21 @@ def assemble(
     MeshError, CaseError : inverted elements, a part that nothing holds, a load that moves nothing; on every rank
     ResourceError : not enough memory, or a rank's matrix has more entries than PETSc's integers count; on every rank
     """
-    comm = dmesh.comm
     check_elements(dmesh, tables)
-    whole = on_root(comm, read_off, mesh, pairs, tables)
-    is_fixed, links = whole.is_fixed, whole.links
+    whole = on_root(dmesh.comm, read_off, mesh, pairs, tables)
+    links, to_mesh = whole.links, np.argsort(dmesh.rank_order)
     loads = with_base_motion(whole.loads, tables, dmesh, links)
-    to_mesh = np.argsort(dmesh.rank_order)
-    dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
-    n_dof = int(row_ranges[-1])
-    if n_dof == 0:
+    dof, row_ranges = number_dofs(dmesh, whole.is_fixed[: len(to_mesh)][to_mesh])
+    if row_ranges[-1] == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
-    constraints = constrain(dmesh, links, is_fixed, *whole.loose) if not links.is_empty else None
+    constraints = constrain(dmesh, links, whole.is_fixed, *whole.loose) if not links.is_empty else None
     K, M = _matrices(dmesh, dof, row_ranges, tables.sections)
-    dof_of_mesh = dof[dmesh.rank_order]
+    dof_of_mesh, n_dof = dof[dmesh.rank_order], int(row_ranges[-1])
     if constraints is not None:
         dof_of_mesh, n_dof = constraints.dof, constraints.T.shape[0]
-    first, last = dmesh.node_ranges[comm.rank : comm.rank + 2]
-    is_free = dof[first:last] >= 0
+    first, last = dmesh.node_ranges[dmesh.comm.rank : dmesh.comm.rank + 2]
     system = System(
-        comm=comm,
+        comm=dmesh.comm,
         K=K,
         M=M,
         C=None,
@@ -77,25 +74,33 @@ def assemble(
         loads=load_map(loads, dof_of_mesh, n_dof),
         outputs=output_map(whole.outputs, dof_of_mesh, n_dof),
         dof=dof_of_mesh,
-        parts=np.repeat(whole.part[to_mesh[first:last]], 3)[is_free.ravel()],
+        parts=np.repeat(whole.part[to_mesh[first:last]], 3)[(dof[first:last] >= 0).ravel()],
         part_names=whole.part_names,
         split_by=dmesh.split_by,
         notes=whole.notes,
         output_orders=orders_of(tables.outputs),
         output_base=base_map(tables.outputs, tables.loads) if any(output.absolute for output in tables.outputs) else None,
     )
-    if links.cyclic is not None:
-        assert constraints is not None and tables.cyclic is not None, "a disc"
-        cyclic, none = tables.cyclic, np.zeros((n_dof, 0))  # no nodal diameter's motion is that of a free body
-        R_next = next_pair_map(pairs, links.cyclic.turn, dof_of_mesh, n_dof)
-        of_sector = replace(system, rigid_owned=none)
-        blades = _matrices(_of_bodies(dmesh, cyclic.blades), dof, row_ranges, tables.sections) if cyclic.differs else None
-        sectors = Sectors.of(cyclic.sectors, cyclic.wave_number, of_sector, R_next, constraints, whole.part, links.cyclic.high)
-        sectors = replace(sectors, blades=blades)
+    if tables.cyclic is not None:
+        sectors = _sectors_of(system, pairs, tables.cyclic, links, whole.part, constraints)
+        if tables.cyclic.differs:
+            blades = _of_bodies(dmesh, tables.cyclic.blades)
+            sectors = replace(sectors, blades=_matrices(blades, dof, row_ranges, tables.sections))
         return sectors.system(0, explicit)
     if constraints is not None:
         system = constrained(system, constraints, whole.part)
     return replace(system, rigid_owned=rigid_motions(dmesh, constraints, dof, whole.free))
+
+
+def _sectors_of(
+    system: System, pairs: ContactPairs, cyclic: Cyclic, links: Links, part: np.ndarray, constraints: Constraints | None
+) -> Sectors:
+    """Return the sectors of a disc from the system of one; ``part`` (n_nodes,) is that of each node.  Local."""
+    assert constraints is not None and links.cyclic is not None and system.dof is not None, "a disc of a mesh"
+    n_dof = system.R.shape[1]
+    R_next = next_pair_map(pairs, links.cyclic.turn, system.dof, n_dof)
+    of_sector = replace(system, rigid_owned=np.zeros((n_dof, 0)))  # no nodal diameter's motion is that of a free body
+    return Sectors.of(cyclic.sectors, cyclic.wave_number, of_sector, R_next, constraints, part, links.cyclic.high)
 
 
 @dataclass(frozen=True, eq=False)

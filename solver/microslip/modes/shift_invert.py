@@ -116,12 +116,40 @@ class ModeSearch:
 
     def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, Forces | None, dict]:
         """Return at least ``n_wanted`` (theta, phi), more than stored so far, their forces, and information on the search."""
-        linearised, before_owned, n_dof = self.linearised, self._phi_owned, self.linearised.M.getSize()[0]
+        linearised = self.linearised
         kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
-        is_deflated = kind != "subspace" and before_owned.shape[1] > 0
         without_partners = self._is_complex and kind == "krylovschur" and not self._is_exhausted
-        n_known = before_owned.shape[1] * is_deflated
-        n_sought, n_most = n_wanted - n_known, (n_dof // 2 if self._is_complex else n_dof) - n_known
+        n_known = 0 if kind == "subspace" else self._phi_owned.shape[1]
+        theta, phi_owned, next_owned, info = self._searched(kind, without_partners, n_known, n_wanted - n_known)
+        if without_partners and (
+            info["complete"] or theta.min() <= _NO_MASS * theta.max()
+        ):  # whether no motion is left is decided with both vectors of each plane
+            self._is_exhausted = True
+            return self._more(n_wanted)
+        if next_owned is not None:
+            of_planes = complex_columns(phi_owned), complex_columns(next_owned)
+            eigenvalues, phi_owned, forces = smoothed(linearised, theta, *of_planes)
+            if not n_known:
+                return 1.0 / eigenvalues, phi_owned, forces, info
+            eigenvalues = np.append(1.0 / self._theta[:n_known], eigenvalues)
+            order = np.argsort(eigenvalues)
+            return 1.0 / eigenvalues[order], np.hstack([self._phi_owned, phi_owned])[:, order], None, info
+        if self._is_complex:
+            _, phi_owned = complex_modes(linearised.K_L, linearised.M, theta, phi_owned)
+        if n_known:
+            phi_owned = np.hstack([self._phi_owned, phi_owned])
+        eigenvalues, phi_owned, forces = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
+        return 1.0 / eigenvalues, phi_owned, forces, info
+
+    def _searched(
+        self, kind: str, without_partners: bool, n_known: int, n_sought: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, dict]:
+        """Return (theta, phi) of ``n_sought`` modes beyond ``n_known``, all in real form, by SLEPc, and information on it.
+
+        With one vector of each plane (``without_partners``) also the next vector of the basis, (n_owned, 1), else None.
+        """
+        linearised, before_owned, n_dof = self.linearised, self._phi_owned, self.linearised.M.getSize()[0]
+        n_most = (n_dof // 2 if self._is_complex else n_dof) - n_known
         if self._is_complex:
             before_owned = real_columns(np.hstack([before_owned, 1j * before_owned]))
         if self._is_complex and not without_partners:
@@ -133,30 +161,21 @@ class ModeSearch:
         start, *before = [_vector(linearised.M, column) for column in (self._start(), *before_owned.T)]
         eps.setOptionsPrefix(PREFIX)
         eps.setOperators(linearised.K_L, M)
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(kind)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setTarget(0.0)
-        eps.setPurify(False)  # saves a solve per mode
         eps.setDimensions(n_sought, _subspace_size("planes" if without_partners else kind, n_sought, n_most))
-        eps.setTolerances(_TOLERANCE, _MOST_ITERATIONS)
         if kind == "krylovschur":
             eps.setKrylovSchurRestart(_KEEP)
             eps.setKrylovSchurLocking(not without_partners)  # without, the residuals of all modes are multiples of one vector
-        eps.setInitialSpace([start] if is_deflated else [*before, start])
-        if is_deflated:
+        eps.setInitialSpace([start] if n_known else [*before, start])
+        if n_known:
             eps.setDeflationSpace(before)
-        st = eps.getST()
-        st.setType(SLEPc.ST.Type.SINVERT)
-        st.setShift(0.0)
-        st.setKSP(ksp)
-        eps.setFromOptions()
+        _set_shift_invert(eps, ksp)
         if partners is not None:
             eps.setMonitor(partners.restarted)
         try:
             messages = _solve_with_room(eps, n_sought, n_most, partners)
             theta, phi_owned, info = _converged(eps, linearised)
-            next_owned = None if partners is None else partners.next_vector()
+            return theta, phi_owned, None if partners is None else partners.next_vector(), info | {"messages": messages}
         finally:
             if partners is not None:
                 partners.destroy()
@@ -164,26 +183,6 @@ class ModeSearch:
             if M is not linearised.M:
                 free(M)
             solves.factor = solves.partners = None  # petsc4py may not free the object that refers to them
-        if without_partners and (
-            info["complete"] or theta.min() <= _NO_MASS * theta.max()
-        ):  # whether no motion is left is decided with both vectors of each plane
-            self._is_exhausted = True
-            return self._more(n_wanted)
-        if next_owned is not None:
-            of_planes = complex_columns(phi_owned), complex_columns(next_owned)
-            eigenvalues, phi_owned, forces = smoothed(linearised, theta, *of_planes)
-            if not n_known:
-                return 1.0 / eigenvalues, phi_owned, forces, info | {"messages": messages}
-            eigenvalues = np.append(1.0 / self._theta[:n_known], eigenvalues)
-            order = np.argsort(eigenvalues)
-            phi_owned = np.hstack([self._phi_owned[:, :n_known], phi_owned])[:, order]
-            return 1.0 / eigenvalues[order], phi_owned, None, info | {"messages": messages}
-        if self._is_complex:
-            _, phi_owned = complex_modes(linearised.K_L, linearised.M, theta, phi_owned)
-        if is_deflated:
-            phi_owned = np.hstack([self._phi_owned, phi_owned])
-        eigenvalues, phi_owned, forces = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
-        return 1.0 / eigenvalues, phi_owned, forces, info | {"messages": messages}
 
     def _start(self) -> np.ndarray:
         """Return a start vector, (n_owned,): random signs, plus loads divided by masses, which K_L^-1 M maps to static motions.
@@ -384,6 +383,20 @@ def _solver(comm: PETSc.Comm, solves: _SolvesByFactor) -> PETSc.KSP:
     pc.setPythonContext(solves)
     pc.destroy()
     return ksp
+
+
+def _set_shift_invert(eps: SLEPc.EPS, ksp: PETSc.KSP) -> None:
+    """Let an eigensolver find the eigenvalues next to 0 by solves of a KSP; read its PETSc options.  Collective."""
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setTarget(0.0)
+    eps.setPurify(False)  # saves a solve per mode
+    eps.setTolerances(_TOLERANCE, _MOST_ITERATIONS)
+    st = eps.getST()
+    st.setType(SLEPc.ST.Type.SINVERT)
+    st.setShift(0.0)
+    st.setKSP(ksp)
+    eps.setFromOptions()
 
 
 def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int, partners: _Partners | None = None) -> tuple[str, ...]:
