@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,17 @@ class Accepted:
     point: Point
 
 
+class Resolved(NamedTuple):
+    """A solution of sufficient resolution, and its record."""
+
+    solution: Solution
+    solver: PointSolver
+    point: Point
+    moves: np.ndarray  # (n_pairs,) bool, pairs with p != 0
+    ratios: dict[str, float]  # of errors over what the accuracy allows
+    memory: Memory
+
+
 def accept(
     task: BranchTask,
     state: BranchState,
@@ -60,27 +71,8 @@ def accept(
     ------
     Unbalanced : rounding errors exceed the balance of a solution; on every rank
     """
-    solver, memory, accuracy = state.solver, state.memory, task.accuracy
     estimator = None if on_the_way else task.estimator
-    while True:
-        try:
-            point, moves = point_record(solver.problem, solver.selection, solution, requested, estimator)
-            check_forces(solver, solution[0], point)
-        except Unbalanced:  # its residual alone may be to blame
-            tighter, memory = accuracy.tighter(solver.resolution, memory) if accuracy else (None, memory)
-            tighter = tighter or replace(solver.resolution, tolerance=SHARPER * solver.tolerance)
-            better = solve_sharper(solver, tighter, solution, requested) if tighter.tolerance >= SHARPEST else None
-            if not better:
-                raise
-            solution, solver = better
-            continue
-        ratios, memory = judged(solver.comm, accuracy, memory, point)
-        finer, memory = accuracy.finer(solver.resolution, ratios, memory) if accuracy else (None, memory)
-        better = solve_with(solver, finer, solution, force_at(solver, solution[0], point)) if finer else None
-        if not better:
-            memory = memory.after_raising() if finer else memory
-            break
-        solution, solver = better
+    solution, solver, point, moves, ratios, memory = resolved(task.accuracy, state, solution, requested, estimator)
     if task.has_stability and not on_the_way:
         point = with_stability(solver.problem, solution[0].iterate, point, estimator)
     if task.has_sensitivities and not on_the_way:
@@ -90,8 +82,8 @@ def accept(
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
     force, is_linear = force_at(solver, solution[0], point), solver.is_linear and solution[0].is_linear
     next_one = replace(solver.resolution, tolerance=max(solver.tolerance, task.tolerance))
-    if accuracy:
-        next_one, memory = accuracy.coarser(next_one, ratios, memory)
+    if task.accuracy:
+        next_one, memory = task.accuracy.coarser(next_one, ratios, memory)
     solution, solver = solver.resolved(next_one).still(solution, solver)
     recorded = replace(recorded, seconds=solver.workspace.lap(), notes=(*recorded.notes, *missed, *notes))
     U = solution[0].iterate.U
@@ -108,11 +100,36 @@ def accept(
     return Accepted(replace(state, solver=replace(solver, is_linear=is_linear), memory=memory), now, recorded)
 
 
-def at_corner(solver: PointSolver, solution: Solution, point: Point, estimator: ErrorEstimator | None) -> Point:
-    """Return the record of the corner of the curve above a point that is a maximum by the phase; else that of the point.
+def resolved(
+    accuracy: Accuracy | None, state: BranchState, solution: Solution, requested: bool, estimator: ErrorEstimator | None
+) -> Resolved:
+    """Solve a point again, more finely, until work and forces balance and the accuracy is met or out of reach.  Collective.
 
-    Collective.
+    Raises Unbalanced as :func:`accept`.
     """
+    solver, memory = state.solver, state.memory
+    while True:
+        try:
+            point, moves = point_record(solver.problem, solver.selection, solution, requested, estimator)
+            check_forces(solver, solution[0], point)
+        except Unbalanced:  # its residual alone may be to blame
+            tighter, memory = accuracy.tighter(solver.resolution, memory) if accuracy else (None, memory)
+            tighter = tighter or replace(solver.resolution, tolerance=SHARPER * solver.tolerance)
+            better = solve_sharper(solver, tighter, solution, requested) if tighter.tolerance >= SHARPEST else None
+            if not better:
+                raise
+            solution, solver = better
+            continue
+        ratios, memory = judged(solver.comm, accuracy, memory, point)
+        finer, memory = accuracy.finer(solver.resolution, ratios, memory) if accuracy else (None, memory)
+        better = solve_with(solver, finer, solution, force_at(solver, solution[0], point)) if finer else None
+        if not better:
+            return Resolved(solution, solver, point, moves, ratios, memory.after_raising() if finer else memory)
+        solution, solver = better
+
+
+def at_corner(solver: PointSolver, solution: Solution, point: Point, estimator: ErrorEstimator | None) -> Point:
+    """Return the record of the corner above a point that is a maximum by the phase; else that of the point.  Collective."""
     top = solver.at_corner(solution)
     if top is not solution:
         with suppress(Unbalanced):
