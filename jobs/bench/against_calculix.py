@@ -1,10 +1,10 @@
-"""The demo's fan sector at speed beside CalculiX' own contact solution of it, on the same mesh.
+"""The demo's fan sector at speed, compared with CalculiX' contact solution of it, on the same mesh.
 
     python jobs/bench/against_calculix.py [--size small] [--ccx PATH] [--keep FOLDER]
 
 needs ``ccx`` (Debian: calculix-ccx).  The deck has the elements of the scene (C3D20, or C3D20R with --reduced), its centrifugal force,
 supports, contact stiffness and friction: surface to surface with a linear pressure-overclosure, geometrically linear, in the scene's
-load steps.  Compared are, of each flank, the sums of normal and of friction forces, and how far the lines of the normal forces lie apart;
+load steps.  Compared are, of each flank, the sums of normal and of friction forces, and the distance of the lines of the normal forces;
 the largest pressure that each shows; the mean displacement of the blade's flanks along the radius and their turn about the engine's
 axis, in which two flanks that slide on their upper edges hardly hold the blade.  Ours with nodes in pairs, with mortars, and with cells as points.
 """
@@ -183,7 +183,7 @@ def calculix(ccx: str, folder: Path, text: str, bodies: dict[str, Body]) -> Cont
     u = np.array(re.findall(r"^\s+\d+" + 3 * number + "$", data, re.MULTILINE), dtype=float)
     totals = re.findall(r"about the origin \(mx,my,mz\)\n" + 6 * number, data)
     if len(u) != sum(len(body.points) for body in bodies.values()) or len(totals) != 6:
-        sys.exit(f"{folder}: ccx ended without the results that were asked for; fan.log there says why")
+        sys.exit(f"{folder}: ccx ended without the results that were requested; fan.log there says why")
     sums = np.array(totals, dtype=float).reshape(2, 3, 2, 3)  # flank; all, normal, friction; force, moment
     of_sums, pressure = (sums[:, 1, 0], sums[:, 2, 0], sums[:, 1, 1]), largest_pressure(folder / "fan.frd")
     return Contact(*of_sums, pressure, *rigid(bodies["blade"], u), seconds)
@@ -227,9 +227,9 @@ def row(name: str, computed: Contact, reference: Contact) -> str:
         size, exact = np.linalg.norm(of, axis=1), np.linalg.norm(to, axis=1)
         return ", ".join(f"{s:.0f} ({100.0 * (s / e - 1.0):+.2f} %)" for s, e in zip(size, exact))
 
-    apart = 1e3 * np.linalg.norm(computed.line - reference.line, axis=1)
+    distance = 1e3 * np.linalg.norm(computed.line - reference.line, axis=1)
     return (
-        f"| {name} | {sizes(computed.normal, reference.normal)} | {sizes(computed.friction, reference.friction)} | {apart[0]:.2f}, {apart[1]:.2f} mm "
+        f"| {name} | {sizes(computed.normal, reference.normal)} | {sizes(computed.friction, reference.friction)} | {distance[0]:.2f}, {distance[1]:.2f} mm "
         f"| {1e-6 * computed.pressure:.0f} MPa | {1e6 * computed.radial:.1f} um | {1e3 * computed.turn:.2f} mrad | {computed.seconds:.1f} s |"
     )
 
@@ -253,7 +253,7 @@ def main():
         scene = scene.model_copy(update={"bodies": {k: v.model_copy(update=integration) for k, v in scene.bodies.items()}})
         text = deck(bodies, scene, "C3D20R" if given.reduced else "C3D20")
         reference = calculix(given.ccx, folder, text, bodies)
-        print("| contact | normal force of the flanks [N] | friction [N] | lines apart | pressure | radial | turn | time |")
+        print("| contact | normal force of the flanks [N] | friction [N] | distance of lines | pressure | radial | turn | time |")
         print("| --- | --- | --- | --- | --- | --- | --- | --- |")
         print(row("CalculiX", reference, reference), flush=True)
         joint = scene.joints[0].name

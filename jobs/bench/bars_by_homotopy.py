@@ -1,4 +1,4 @@
-"""Error bars by the solution of the enriched problem, reached by a homotopy in the added harmonics, beside those in use.
+"""Error bars by the solution of the enriched problem, reached by a homotopy in the added harmonics, compared with those in use.
 
     python jobs/bench/bars_by_homotopy.py [--seed 21] [--systems 1 25 35] [--harmonics 3] [--without-lift-off] [--at-once]
 
@@ -56,17 +56,17 @@ class Homotopy:
 
     def at_share(self, V: np.ndarray, share: float) -> tuple[np.ndarray, ContactForces] | None:
         """Return the motion (n_pairs, 3, N_H) that solves the equations at a share, and its forces; None without one."""
-        felt, here = np.where(self.high, share, 1.0), None
+        coupled, here = np.where(self.high, share, 1.0), None
         for _ in range(MOST_NEWTON):
-            linear, residual = here or self.linearised(V, felt)
+            linear, residual = here or self.linearised(V, coupled)
             if (miss := np.linalg.norm(residual)) <= self.tolerance:
                 return V, linear.forces
             self.newton += 1
-            tangents = linear.P * np.tile(felt, 3)
+            tangents = linear.P * np.tile(coupled, 3)
             scaled = replace(linear, forces=replace(linear.forces, P=tangents))
-            step, _, is_found = scaled.solve_several(-residual.reshape(1, -1, len(felt)), self.solver)
+            step, _, is_found = scaled.solve_several(-residual.reshape(1, -1, len(coupled)), self.solver)
             for part in (1.0, 0.5, 0.25, 0.1) if is_found else ():
-                there = self.linearised(V + part * step.reshape(V.shape), felt)
+                there = self.linearised(V + part * step.reshape(V.shape), coupled)
                 if np.linalg.norm(there[1]) < miss:
                     V, here = V + part * step.reshape(V.shape), there
                     break
@@ -74,8 +74,8 @@ class Homotopy:
                 return None
         return (V, here[0].forces) if here and np.linalg.norm(here[1]) <= self.tolerance else None
 
-    def linearised(self, V: np.ndarray, felt: np.ndarray) -> tuple[Linearisation, np.ndarray]:
-        forces = self.wider.contact_forces(V * felt, self.wider.every_pair, tangents=True)
+    def linearised(self, V: np.ndarray, coupled: np.ndarray) -> tuple[Linearisation, np.ndarray]:
+        forces = self.wider.contact_forces(V * coupled, self.wider.every_pair, tangents=True)
         linear = Linearisation.of(self.wider, self.at, forces)
         return linear, self.wider.residual(V, self.at, forces, linear.G)
 
@@ -167,7 +167,7 @@ def enriched(first: Estimate, change: np.ndarray, of_modes: np.ndarray, is_far: 
 
 @dataclass
 class Row:
-    """A point beside time integration, over the peak."""
+    """A point compared with time integration, over the peak."""
 
     error: float
     bar: float

@@ -99,16 +99,16 @@ def main() -> None:
     parser.add_argument("--ranks", type=int, default=2)
     parser.add_argument("--times", type=int, default=3)
     parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     print(*machine.lines(machine.facts()), f"Load: {os.getloadavg()[0]:.1f}.", sep="\n")
-    with version_of(asked.commit) as earlier:
-        for scene in asked.scenes:
+    with version_of(arguments.commit) as earlier:
+        for scene in arguments.scenes:
             before, now = list[Run](), list[Run]()
-            for _ in range(asked.times):
-                before.append(run(earlier, scene, asked.ranks, asked.settings))
-                now.append(run(ROOT / "solver", scene, asked.ranks, asked.settings))
-            head = ", ".join([scene.stem, f"{asked.ranks} ranks", *asked.settings])
-            print(f"\n{head}", "", *table(before, now, asked.commit), sep="\n")
+            for _ in range(arguments.times):
+                before.append(run(earlier, scene, arguments.ranks, arguments.settings))
+                now.append(run(ROOT / "solver", scene, arguments.ranks, arguments.settings))
+            head = ", ".join([scene.stem, f"{arguments.ranks} ranks", *arguments.settings])
+            print(f"\n{head}", "", *table(before, now, arguments.commit), sep="\n")
 
 
 if __name__ == "__main__":

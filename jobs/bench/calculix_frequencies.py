@@ -10,7 +10,7 @@ With --fibres the material is orthotropic, 14 times as stiff along axis 1 as acr
 cylinder around it, or of the model ("oblique", "cylinder", "model"); "matrix" states the 21 constants of other oblique axes.
 
 With --pushed the straight bar vibrates about a static step, pushed along its length by FORCE [N], which is taken over from the
-file, too; shown beside the difference is by how much the force changes the frequencies of CalculiX. With --bent it is bent sideways, in a
+file, too; the next column shows by how much the force changes the frequencies of CalculiX. With --bent it is bent sideways, in a
 step with NLGEOM, and vibrates about the large displacement. With --heated it is warmed by so many kelvin, held at one end, and
 expands along axes 1, 2 and 3 by -1e-6, 3e-5 and 2e-5 1/K, which stresses it there.
 """

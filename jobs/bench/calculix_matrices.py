@@ -49,11 +49,11 @@ def differences(ccx: str, name: str) -> tuple[int, float, float]:
     return len(at), of_K, of_M
 
 
-def condensed(K: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Return the stiffness of the rows that are kept while the others follow them without force."""
-    if kept.all():
+def condensed(K: np.ndarray, retained: np.ndarray) -> np.ndarray:
+    """Return the stiffness of the rows that are retained while the others follow them without force."""
+    if retained.all():
         return K
-    own, others, between = (K[np.ix_(i, j)] for i, j in ((kept, kept), (~kept, ~kept), (kept, ~kept)))
+    own, others, between = (K[np.ix_(i, j)] for i, j in ((retained, retained), (~retained, ~retained), (retained, ~retained)))
     return own - between @ np.linalg.solve(others, between.T)
 
 

@@ -3,7 +3,7 @@
     python jobs/bench/calculix_set.py [FOLDER] [--only NAME ...]
 
 FOLDER holds the inputs and what CalculiX printed for them, NAME.inp and NAME.dat.ref (Debian: calculix-ccx-test, unpacked). Each
-input is taken over whole, in its own units and without a word beside it: what it holds of supports, springs, equations and rigid
+input is taken over whole, in its own units and without additions: what it holds of supports, springs, equations and rigid
 bodies comes from the file, or the file is refused with the keywords that stop it. Frequencies agree where they differ by no more
 than the last of the seven digits that are printed.
 """
@@ -107,10 +107,10 @@ def compared(path: Path, folder: Path) -> tuple[str, str]:
         return judged(eigenvalues(path, max(len(reference), 1)), reference)
     except (CaseError, ConvergenceError, MeshError) as problem:
         refused = _keywords(str(problem))
-    asked = tuple(refused.split("; "))
-    if not set(asked) <= UNFELT:
+    ignored = tuple(refused.split("; "))
+    if not set(ignored) <= UNFELT:
         return "refused", refused
-    verdict, words = judged(eigenvalues(path, max(len(reference), 1), asked), reference)
+    verdict, words = judged(eigenvalues(path, max(len(reference), 1), ignored), reference)
     return f"{verdict}*", f"{words}; [model] ignore: {refused}"
 
 

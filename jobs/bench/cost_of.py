@@ -79,13 +79,13 @@ class Meter:
 
     def report(self, skip: int) -> dict:
         """Return means a point, without the first ``skip``.  Collective: times of the slowest rank, memory of all."""
-        kept = self.points[skip:]
-        groups = {group for *_, seconds, _ in kept for group in seconds}
-        wall, cpu = (float(np.mean([entry[k] for entry in kept])) for k in (0, 1))
-        by_group = {group: float(np.mean([entry[3].get(group, 0.0) for entry in kept])) for group in sorted(groups)}
+        counted = self.points[skip:]
+        groups = {group for *_, seconds, _ in counted for group in seconds}
+        wall, cpu = (float(np.mean([entry[k] for entry in counted])) for k in (0, 1))
+        by_group = {group: float(np.mean([entry[3].get(group, 0.0) for entry in counted])) for group in sorted(groups)}
         by_group["the rest"] = cpu - sum(by_group.values())
-        calls = {group: float(np.mean([entry[4].get(group, 0) for entry in kept])) for group in sorted(groups)}
-        points = [entry[2] for entry in kept]
+        calls = {group: float(np.mean([entry[4].get(group, 0) for entry in counted])) for group in sorted(groups)}
+        points = [entry[2] for entry in counted]
         memory = self.comm.allreduce(peak_memory())
         return {
             "points": len(points),

@@ -1,4 +1,4 @@
-"""Where the time of a scene goes, beside what the machine can do.
+"""Where the time of a scene goes, compared with the speed of the machine.
 
     python jobs/bench/costs.py [SCENE.toml] [--levels 1 15] [--points 98] [--ranks 1 2] [--out DIR] [--page docs/costs.md]
 

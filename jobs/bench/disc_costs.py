@@ -1,4 +1,4 @@
-"""What the nodal diameters of a disc cost beside the sector standing alone: `microslip modes` of both, in turn.
+"""The cost of the nodal diameters of a disc compared with that of the sector alone: `microslip modes` of both, in turn.
 
     python meshes/fan_sector.py --size paper --out meshes/fan_paper.msh
     python meshes/fan_sector.py --size paper --n-blades 24 --out meshes/fan_disc_paper.msh
@@ -69,17 +69,17 @@ def main() -> None:
     parser.add_argument("--diameters", default="", help="nodal diameters, 0,3,6 (all)")
     parser.add_argument("--count", default="9", help="modes of each (%(default)s)")
     parser.add_argument("--points", default="", help="levels [N] of curves whose points are compared, 5,10,15")
-    asked = parser.parse_args()
-    if asked.points:
-        return compare_points(asked.alone, asked.disc, [float(level) for level in asked.points.split(",")])
-    alone = measured(asked.alone, "--count", asked.count)
-    chosen = ["--diameters", asked.diameters] if asked.diameters else []
-    disc = measured(asked.disc, "--count", asked.count, *chosen)
+    arguments = parser.parse_args()
+    if arguments.points:
+        return compare_points(arguments.alone, arguments.disc, [float(level) for level in arguments.points.split(",")])
+    alone = measured(arguments.alone, "--count", arguments.count)
+    chosen = ["--diameters", arguments.diameters] if arguments.diameters else []
+    disc = measured(arguments.disc, "--count", arguments.count, *chosen)
     rows = [
         [name, f"{alone[name]:,.1f}", f"{disc[name]:,.1f}", f"{disc[name] / alone[name]:.2f}", f"{target:g}"]
         for name, target in TARGETS.items()
     ]
-    what = f"nodal diameters {asked.diameters}" if asked.diameters else "all nodal diameters"
+    what = f"nodal diameters {arguments.diameters}" if arguments.diameters else "all nodal diameters"
     print("\n".join(table(["", "sector alone", what, "ratio", "target of all"], rows)))
 
 

@@ -7,7 +7,7 @@ pairs, by default with levels at which pairs open.  Time integration begins at e
 solution of the full equations near the point; where that is far away, it begins at solutions with 15 harmonics, too, and the
 nearest steady state counts.  A false alarm is a note at a point that is less than 1 % of the peak off, a missed
 point is off by more than 1.5 bars and 1 % of the peak without a note.  Points beside a fold and those without a steady state are
-counted apart.
+counted separately.
 """
 
 from __future__ import annotations

@@ -55,9 +55,9 @@ BENEATH |= dict.fromkeys(("vtu", "vtk", "fem"), ("meshio",))  # libraries that a
 
 def main() -> None:
     """Fuzz the readers one after the other and print what was found."""
-    asked = _arguments()
-    if asked.child:
-        _fuzz(asked.readers[0], Path(asked.out), Path(asked.work), asked)
+    arguments = _arguments()
+    if arguments.child:
+        _fuzz(arguments.readers[0], Path(arguments.out), Path(arguments.work), arguments)
         return
     if importlib.util.find_spec("atheris") is None:
         sys.exit("fuzzing needs atheris: python -m pip install --target DIR atheris, and DIR in PYTHONPATH")
@@ -66,13 +66,13 @@ def main() -> None:
     initialise()
     from reader_targets import TARGETS
 
-    unknown = set(asked.readers) - set(TARGETS)
+    unknown = set(arguments.readers) - set(TARGETS)
     if unknown:
         sys.exit(f"{', '.join(sorted(unknown))}: no such reader; there are {', '.join(TARGETS)}")
     print("| reader | seconds | files | findings |\n| --- | ---: | ---: | --- |", flush=True)
     n_findings = 0
-    for name in asked.readers or TARGETS:
-        n_findings += _report(name, Path(asked.out) / name, *_in_processes(name, asked))
+    for name in arguments.readers or TARGETS:
+        n_findings += _report(name, Path(arguments.out) / name, *_in_processes(name, arguments))
     sys.exit(1 if n_findings else 0)
 
 
@@ -81,7 +81,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("readers", nargs="*", metavar="READER", help="of tests/reader_targets.py; all if none is named")
     parser.add_argument("--seconds", type=float, default=600.0, help="of the processor, for each reader")
     parser.add_argument(
-        "--out", default="results/fuzz", help="files that reached something new, and findings; kept for the next time"
+        "--out", default="results/fuzz", help="files that reached something new, and findings; stored for the next time"
     )
     parser.add_argument("--memory", type=int, default=1024, help="MiB that a file may take")
     parser.add_argument("--seed", type=int, default=1)
@@ -90,19 +90,26 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _in_processes(name: str, asked: argparse.Namespace) -> tuple[float, int]:
+def _in_processes(name: str, arguments: argparse.Namespace) -> tuple[float, int]:
     """Fuzz a reader until its time is over, in a new process after each that dies; return seconds and files."""
-    folder = Path(asked.out) / name
+    folder = Path(arguments.out) / name
     shutil.rmtree(folder / "findings", ignore_errors=True)
     (folder / "findings").mkdir(parents=True)
     (folder / "corpus").mkdir(exist_ok=True)
     (folder / "count").write_bytes(bytes(16))
-    seed, n_short, taken = asked.seed, 0, 0.0
+    seed, n_short, taken = arguments.seed, 0, 0.0
     environment = {**os.environ, "OMPI_MCA_opal_signal": "", "PYTHONHASHSEED": "0"}  # crashes are the fuzzer's to see
-    while asked.seconds - taken > 1.0 and n_short < 5:
+    while arguments.seconds - taken > 1.0 and n_short < 5:
         with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None, prefix="fuzz_") as work:
             command = [sys.executable, __file__, name, "--child", "--out", str(folder), "--work", work]
-            command += ["--seconds", str(int(asked.seconds - taken) + 1), "--seed", str(seed), "--memory", str(asked.memory)]
+            command += [
+                "--seconds",
+                str(int(arguments.seconds - taken) + 1),
+                "--seed",
+                str(seed),
+                "--memory",
+                str(arguments.memory),
+            ]
             with open(folder / "log", "ab") as log:
                 status = subprocess.run(command, stdout=log, stderr=log, env=environment, check=False).returncode
             if status == 0:
@@ -141,7 +148,7 @@ def _report(name: str, folder: Path, seconds: float, n_files: int) -> int:
     return len(causes)
 
 
-def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> None:
+def _fuzz(name: str, folder: Path, work: Path, arguments: argparse.Namespace) -> None:
     """Fuzz one reader in this process, which ends with it."""
     import atheris
 
@@ -166,8 +173,8 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
 
     def one_file(content: bytes) -> None:
         taken = _taken() - began
-        if taken > asked.seconds:
-            os._exit(0)  # what reached something new is kept already
+        if taken > arguments.seconds:
+            os._exit(0)  # what reached something new is stored already
         count[:] = count[0] + 1, before + int(1e6 * taken)
         path.write_bytes(content)
         cause = verdict(target, path)
@@ -175,9 +182,9 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
             _keep(findings, cause, content)
 
     (held,) = re.findall(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())
-    limit = int(held) * 1024 + asked.memory * 2**20
+    limit = int(held) * 1024 + arguments.memory * 2**20
     options = [f"-timeout={HANG}", f"-max_len={max(LONGEST, 2 * max(map(len, seeds)))}", f"-artifact_prefix={folder}/"]
-    options += [f"-dict={folder / 'words'}", f"-seed={asked.seed}", "-rss_limit_mb=0", "-print_final_stats=1", "-verbosity=1"]
+    options += [f"-dict={folder / 'words'}", f"-seed={arguments.seed}", "-rss_limit_mb=0", "-print_final_stats=1", "-verbosity=1"]
     changed = {"npz": _in_archive, "restart": _in_records, **dict.fromkeys(("results", "exodus", "mat"), _in_place)}
     own = {"custom_mutator": changed[name]} if name in changed else {}
     atheris.Setup([sys.argv[0], *options, str(folder / "corpus")], one_file, enable_python_coverage=True, **own)

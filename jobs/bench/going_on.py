@@ -1,8 +1,8 @@
-"""What it costs to keep a run on disk as it goes, and to go on from there, beside what the run and its set-up cost.
+"""The cost of checkpoints of a run, and of continuing from them, compared with that of the run and its set-up.
 
     [mpirun -n 2] python jobs/bench/going_on.py [SCENE.toml ...]
 
-Each scene is run twice in a new folder: at first from the beginning, then with its set-up kept and its points forgotten.  Pictures
+Each scene is run twice in a new folder: at first from the beginning, then with its set-up from the cache and without its points.  Pictures
 are left out.  Prints a line of JSON for each scene; times are of rank 0: wall time, and in brackets of the processor.
 """
 
@@ -27,7 +27,7 @@ from mpi4py import MPI
 
 import microslip.run as whole_run
 from microslip.parallel.agree import on_root
-from microslip.restart import folder as kept
+from microslip.restart import folder as restart_folder
 from microslip.restart.branch_files import BranchFiles
 from microslip.restart.columns_file import ColumnsFile
 from microslip.restart.stored_structure import StoredStructure
@@ -38,7 +38,7 @@ KEEPING = (
     (BranchFiles, "end"),
     (ColumnsFile, "_keep"),
     (StoredStructure, "write"),
-    (kept.Restart, "finish"),
+    (restart_folder.Restart, "finish"),
 )
 
 
@@ -66,10 +66,14 @@ class Clock:
 
 
 def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
-    """Return what a run takes: all of it, its set-up, keeping, going on with a kept set-up.  Collective."""
+    """Return what a run takes: all of it, its set-up, checkpoints, continuation with a cached set-up.  Collective."""
     clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
     patched: list[tuple[Any, str, str]] = [(owner, name, "keeping") for owner, name in KEEPING]
-    patched += [(whole_run, "build", "set-up"), (kept, "identity_of", "identity"), (kept.Restart, "_restored", "going on")]
+    patched += [
+        (whole_run, "build", "set-up"),
+        (restart_folder, "identity_of", "identity"),
+        (restart_folder.Restart, "_restored", "going on"),
+    ]
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in patched]
     try:
         for owner, name, of in patched:
@@ -83,9 +87,9 @@ def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
 
 def forget_points(folder: Path) -> None:
     """Remove the levels of a run, and that it is done."""
-    for path in (folder / kept.NAME).glob("level-*/*"):
+    for path in (folder / restart_folder.NAME).glob("level-*/*"):
         path.unlink()
-    (folder / kept.NAME / "done").unlink()
+    (folder / restart_folder.NAME / "done").unlink()
 
 
 def main() -> None:

@@ -60,8 +60,8 @@ def measurement(structure):
     amplitudes = []
     for level in LEVELS:
         response = microslip.respond(structure, levels=level, at=tuple(FREQUENCY))
-        asked = response.level(level).requested.astype(bool)
-        amplitudes.append(response["mass"].harmonic(1)[0, : len(asked)][asked])
+        is_requested = response.level(level).requested.astype(bool)
+        amplitudes.append(response["mass"].harmonic(1)[0, : len(is_requested)][is_requested])
     a = np.concatenate(amplitudes)
     return columns | {"amplitude_m": np.abs(a), "phase_rad": np.angle(a)}
 

@@ -3,7 +3,7 @@
     python jobs/bench/kernels.py [--pairs 8 55 218] [--H 3 9] [--samples 128]
 
 Processor's microseconds of a call, the least of some runs, of one process.  The columns are those of all pairs of the joint in the
-rows of all; NumPy's own product stands beside them.  To compare versions, run it in each: it needs the package alone.
+rows of all; NumPy's product is in the next column.  To compare versions, run it in each: it needs the package alone.
 """
 
 import argparse

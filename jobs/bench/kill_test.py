@@ -6,13 +6,13 @@
 The scene, by default that of the demo, runs once undisturbed on each number of ranks.  Then, `--times` times, it runs in a new
 folder, all of its processes are killed at one moment, and the same command is given again until it ends.  Moments are drawn in
 turn from three kinds, so that all of them are hit: in the *set-up*, a time before the first point; at *points*, some time after one
-of them was told; while *writing*, as one of the files of the run is created, written or renamed.  With `--in-a-row` a run is killed
+of them was reported; while *writing*, as one of the files of the run is created, written or renamed.  With `--in-a-row` a run is killed
 several times before it may end.  A share of the runs (`--earlier`, a half) begins over the results of an earlier run of another level.
 
 A trial fails where the run does not end with status 0, where its curves are not those of the undisturbed run: points at the same
 frequencies, whose response is off by no more than 1e-8 of the peak.  A set-up that was killed before it was kept is built again; on
 several ranks its last bits are others, which decides now and then whether a step is taken once more.  So where the numbers of points
-differ, those that only one of the two has are compared with a third run that is asked for their frequencies.  It fails, too, where more than one point that had been told is computed again for a kill, where results.h5 or
+differ, those that only one of the two has are compared with a third run at their frequencies.  It fails, too, where more than one point that had been reported is computed again for a kill, where results.h5 or
 frf.csv are neither those of the earlier run nor whole and right, or where results.h5 cannot be read.  Any failure makes status 1.
 """
 
@@ -67,7 +67,7 @@ class Undisturbed:
     levels: list[Curve]
     n_rows: int  # of frf.csv
     seconds: float
-    first_point: float  # s until the first point was told
+    first_point: float  # s until the first point was reported
     last_point: float  # s until the last one was
     n_writes: int
     stages: dict[str, float]  # s, by their names in the log
@@ -85,7 +85,7 @@ class Trial:
     ranks: int
     over_earlier: bool
     hit: list[str] = field(default_factory=list)  # what was killed, a text a kill
-    told: int = 0  # points before the kills, without those taken over
+    reported: int = 0  # points before the kills, without those taken over
     taken: int = 0  # points that the last start took over
     off: float = np.nan  # largest difference of the response, over the peak
     n_rows: list[int] = field(default_factory=list)  # of frf.csv after kills, where it was no longer the earlier one
@@ -95,11 +95,18 @@ class Trial:
 
     @property
     def lost(self) -> int:
-        """How many points that had been told were computed again."""
-        return max(0, self.told - self.taken)
+        """How many points that had been reported were computed again."""
+        return max(0, self.reported - self.taken)
 
     def row(self) -> str:
-        cells = [self.number, self.ranks, "earlier" if self.over_earlier else "new", "; ".join(self.hit), self.told, self.taken]
+        cells = [
+            self.number,
+            self.ranks,
+            "earlier" if self.over_earlier else "new",
+            "; ".join(self.hit),
+            self.reported,
+            self.taken,
+        ]
         others = f", {self.n_more} points more and {self.n_fewer} fewer" if self.n_more or self.n_fewer else ""
         said = "; ".join(self.wrong) or f"as it should be{others}"
         return " | ".join(map(str, ["", *cells, self.lost, f"{self.off:.1e}", said, ""])).strip()
@@ -108,15 +115,15 @@ class Trial:
 class Test:
     """The kill test of a scene in a folder."""
 
-    def __init__(self, asked: argparse.Namespace, folder: Path):
-        self.asked, self.folder = asked, folder
-        self.scene = read_scene(asked.scene, asked.settings)
-        self.random = random.Random(asked.seed)
+    def __init__(self, arguments: argparse.Namespace, folder: Path):
+        self.arguments, self.folder = arguments, folder
+        self.scene = read_scene(arguments.scene, arguments.settings)
+        self.random = random.Random(arguments.seed)
 
     def command(self, ranks: int, out: Path, *more: str) -> list[str]:
         launcher = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-        settings = [word for setting in self.asked.settings for word in ("--set", setting)]
-        own = ["run", str(self.asked.scene), "--out", str(out), *settings, *more]
+        settings = [word for setting in self.arguments.settings for word in ("--set", setting)]
+        own = ["run", str(self.arguments.scene), "--out", str(out), *settings, *more]
         return [*launcher, sys.executable, "-m", "microslip", *own]
 
     # -- what it should be -------------------------------------------------------------------------------------------
@@ -127,17 +134,17 @@ class Test:
         out.mkdir()
         writes = Writes(out)
         run, n = Run(self.command(ranks, out), self.folder / "said"), 0
-        told: list[float] = []
+        reported: list[float] = []
         while not run.is_over:
             n += writes.wait(0.02)
-            told += [run.seconds] * (len(POINT.findall(run.said())) - len(told))
+            reported += [run.seconds] * (len(POINT.findall(run.said())) - len(reported))
         n += writes.wait(0.0)
         writes.close()
-        if run.process.returncode != 0 or not told:
+        if run.process.returncode != 0 or not reported:
             raise SystemExit(f"the scene does not run by itself, status {run.process.returncode}:\n{run.said()}")
         levels = [Curve(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
         stages = {name: float(seconds) for name, seconds in STAGE.findall(run.said())}
-        return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, told[0], told[-1], n, stages)
+        return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, reported[0], reported[-1], n, stages)
 
     def earlier(self) -> Path:
         """Return the folder of a finished run of the same scene at another level."""
@@ -153,26 +160,26 @@ class Test:
 
     def trial(self, number: int, ranks: int, goal: Undisturbed) -> Trial:
         """Run, kill, run again until the end, and say what was wrong."""
-        out, over_earlier = self.folder / "out", self.random.random() < self.asked.earlier
+        out, over_earlier = self.folder / "out", self.random.random() < self.arguments.earlier
         outcome = Trial(number, ranks, over_earlier)
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(self.earlier(), out) if over_earlier else out.mkdir()
         before = {name: (out / name).read_bytes() for name in ("results.h5", "frf.csv") if over_earlier}
-        while len(outcome.hit) < self.asked.in_a_row:
+        while len(outcome.hit) < self.arguments.in_a_row:
             run = self._killed(KINDS[(number + len(outcome.hit)) % 3], ranks, out, goal, outcome)
             self._check_files(out, goal, before, outcome)
             if run.process.returncode == 0:
                 break
         run = Run(self.command(ranks, out), self.folder / "said")
         status = run.wait(LIMIT)
-        outcome.taken = outcome.told if _DONE in run.said() else _taken(run.said())
+        outcome.taken = outcome.reported if _DONE in run.said() else _taken(run.said())
         if status != 0:
             outcome.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
             return outcome
         if outcome.lost > len(outcome.hit):
             outcome.wrong.append(f"{outcome.lost} points computed twice")
-        if outcome.taken > outcome.told + len(outcome.hit):  # a point is kept just before it is told
-            outcome.wrong.append(f"{outcome.taken} points taken over, of {outcome.told}")
+        if outcome.taken > outcome.reported + len(outcome.hit):  # a point is kept just before it is reported
+            outcome.wrong.append(f"{outcome.taken} points taken over, of {outcome.reported}")
         self._compare(out, goal, outcome)
         left = [path.name for path in out.iterdir() if path.name == "unfinished" or path.suffix == ".part"]
         outcome.wrong += [f"{name} is left behind" for name in left]
@@ -189,7 +196,7 @@ class Test:
         said = run.said()
         n, taken = len(POINT.findall(said)), _taken(said)
         if n or taken:
-            trial.told = max(n, trial.told)  # a start tells again what it takes over
+            trial.reported = max(n, trial.reported)  # a start tells again what it takes over
         where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "pictures"
         over = "" if run.process.returncode != 0 else ", had ended"
         trial.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
@@ -199,8 +206,8 @@ class Test:
         self._sleep(run, self.random.uniform(0.0, goal.first_point))
 
     def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, trial: Trial) -> None:
-        """Wait for one of the points that were not told before, and for some part of the time to the next one."""
-        n = self.random.randrange(min(trial.told, goal.n_points - 1), goal.n_points) + 1
+        """Wait for one of the points that were not reported before, and for some part of the time to the next one."""
+        n = self.random.randrange(min(trial.reported, goal.n_points - 1), goal.n_points) + 1
         while not run.is_over and len(POINT.findall(run.said())) < n:
             time.sleep(0.005)
         self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
@@ -270,20 +277,20 @@ class Test:
             fewer, _ = _apart(of_goal, own)
             trial.n_more, trial.n_fewer = trial.n_more + len(more[0]), trial.n_fewer + len(fewer[0])
             both = Curve(*map(np.concatenate, zip(more, fewer)))
-            left, of_third = _apart(both, self._asked(trial.ranks, level.level, both[0]))
+            left, of_third = _apart(both, self._at_frequencies(trial.ranks, level.level, both[0]))
             wrong += [f"{len(left[0])} points at {level.level:g} N that the curve does not have"] if len(left[0]) else []
             off = max(off, of_both, of_third)
         return off, wrong + ([f"curves differ by {off:.1e} of the peak"] if off > TOLERANCE else [])
 
-    def _asked(self, ranks: int, level: float, frequency: np.ndarray) -> Curve:
+    def _at_frequencies(self, ranks: int, level: float, frequency: np.ndarray) -> Curve:
         """Return the curve of a level with points at some frequencies [Hz], by a run of its own."""
-        out = self.folder / "asked"
+        out = self.folder / "requested"
         shutil.rmtree(out, ignore_errors=True)
         at = ", ".join(repr(float(f)) for f in np.unique(frequency))
         settings = ("--set", f"response.levels=[{level!r}]", "--set", f"response.at=[{at}]")
         run = Run(self.command(ranks, out, *settings), self.folder / "said")
         if run.wait(LIMIT) != 0:
-            raise SystemExit(f"the scene does not run with points at frequencies that are asked for:\n{run.said()}")
+            raise SystemExit(f"the scene does not run with points at the requested frequencies:\n{run.said()}")
         (only,) = read_results(str(out / "results.h5")).levels
         return Curve(only.frequency, only.response)
 
@@ -343,23 +350,23 @@ def add_arguments(parser: argparse.ArgumentParser, times: int) -> None:
     parser.add_argument("--folder", type=Path, help="keep what is written there")
 
 
-def run_trials(kind: type[Test], asked: argparse.Namespace) -> bool:
+def run_trials(kind: type[Test], arguments: argparse.Namespace) -> bool:
     """Run a test on each number of ranks, show each trial in a line, and return whether any failed."""
     signal.signal(signal.SIGTERM, lambda *of: sys.exit("stopped"))  # and the run with it
     print("\n".join(machine.lines(machine.facts())))
-    print(f"Seed {asked.seed}; {asked.scene}", flush=True)
+    print(f"Seed {arguments.seed}; {arguments.scene}", flush=True)
     with tempfile.TemporaryDirectory(prefix="kill_test_") as own:
-        folder = asked.folder or Path(own)
+        folder = arguments.folder or Path(own)
         folder.mkdir(parents=True, exist_ok=True)
-        test, trials = kind(asked, folder), []
-        for ranks in asked.ranks:
+        test, trials = kind(arguments, folder), []
+        for ranks in arguments.ranks:
             goal = test.undisturbed(ranks)
             print(
                 f"\n{ranks} ranks, undisturbed: {goal.n_points} points, {goal.seconds:.1f} s, first point after {goal.first_point:.1f} s, {goal.n_writes} writes\n"
             )
-            print("| run | ranks | folder | killed at | points told | taken over | computed twice | off, of the peak | |")
+            print("| run | ranks | folder | killed at | points reported | taken over | computed twice | off, of the peak | |")
             print("| ---: | ---: | --- | --- | ---: | ---: | ---: | ---: | --- |", flush=True)
-            for number in range(asked.times):
+            for number in range(arguments.times):
                 trials.append(test.trial(number, ranks, goal))
                 print(trials[-1].row(), flush=True)
         print("", *summary(trials), sep="\n")

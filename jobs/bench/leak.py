@@ -1,8 +1,8 @@
-"""No growth over thousands of points: the memory of each rank, point by point, beside what the recorded points take.
+"""No growth over thousands of points: the memory of each rank, point by point, compared with the memory of the recorded points.
 
     [mpirun -n 2] python jobs/bench/leak.py [SCENE.toml] [--points 3000] [--warm 500] [--limit 0.02] [--out DIR]
 
-SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, in one run that is logged, written and kept
+SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, in one run that is logged, written and stored
 like any other, until there are so many points.  What a rank has in memory after the first of them (``--warm``) may grow by
 ``--limit`` beyond the points themselves, which stay by design: on rank 0 until their level is written with the motion of their
 pairs, then without but for the peak's, as on other ranks.  Prints a line of JSON; the exit status is 1 if any rank grows by more.
@@ -41,7 +41,7 @@ LEAST = 10  # points that a level has at least
 
 
 class Enough(Exception):
-    """As many points as were asked for."""
+    """As many points as were requested."""
 
 
 class Meter:
@@ -146,14 +146,14 @@ def main() -> int:
     parser.add_argument("--warm", type=int, default=500)
     parser.add_argument("--limit", type=float, default=0.02)
     parser.add_argument("--out", type=Path, default=None)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     comm = MPI.COMM_WORLD
-    folder = on_root(comm, lambda: asked.out or Path(tempfile.mkdtemp(prefix="leak_")))
-    meter = measured(comm, asked.scene, asked.points, folder)
-    growths = comm.allgather(growth(meter, asked.warm))
+    folder = on_root(comm, lambda: arguments.out or Path(tempfile.mkdtemp(prefix="leak_")))
+    meter = measured(comm, arguments.scene, arguments.points, folder)
+    growths = comm.allgather(growth(meter, arguments.warm))
     if comm.rank == 0:
-        print(json.dumps({"scene": asked.scene, "points": asked.points, "ranks": growths}))
-    return int(max(rank["growth"] for rank in growths) > asked.limit)
+        print(json.dumps({"scene": arguments.scene, "points": arguments.points, "ranks": growths}))
+    return int(max(rank["growth"] for rank in growths) > arguments.limit)
 
 
 if __name__ == "__main__":

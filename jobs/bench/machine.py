@@ -13,7 +13,7 @@ from scipy.linalg.blas import daxpy
 
 
 def facts() -> dict[str, str]:
-    """Return what a table of times needs beside it.  Local."""
+    """Return the description of the machine for a table of times.  Local."""
     import microslip
 
     values = {

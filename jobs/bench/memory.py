@@ -1,4 +1,4 @@
-"""The memory that `microslip check` foresees of a run, stage by stage, beside what the run then takes.
+"""The memory that `microslip check` foresees of a run, stage by stage, compared with that of the run.
 
     python jobs/bench/memory.py [SCENE.toml ...] [--ranks 1 2] [--out DIR]
 
@@ -84,10 +84,10 @@ def main() -> int:
     parser.add_argument("scenes", nargs="*", default=list(SCENES))
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--out", type=Path, default=Path("results/bench_memory"))
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    runs = [measure(scene, ranks, asked.out) for scene in asked.scenes for ranks in asked.ranks]
-    (asked.out / "memory.json").write_text(json.dumps(runs, indent=1))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    runs = [measure(scene, ranks, options.out) for scene in options.scenes for ranks in options.ranks]
+    (options.out / "memory.json").write_text(json.dumps(runs, indent=1))
     print(*(line for one in runs for line in rows_of(one)), "", *machine.lines(machine.facts()), sep="\n")
     worst = max(abs(stage["ratio"] - 1.0) for one in runs for stage in one["stages"])
     print(f"at worst {worst:.0%} off")

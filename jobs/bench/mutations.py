@@ -154,32 +154,32 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
     parser.add_argument("--runs", type=float, default=1.0 / 3.0, metavar="SHARE")
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.serve:
+    options = parser.parse_args()
+    if options.serve:
         serve()
         return
-    sys.exit(try_mutations(asked))
+    sys.exit(try_mutations(options))
 
 
-def try_mutations(asked: argparse.Namespace) -> bool:
-    """Try as many scenes as are asked for, show findings and counts, and return whether there are findings."""
+def try_mutations(options: argparse.Namespace) -> bool:
+    """Try as many scenes as are requested, show findings and counts, and return whether there are findings."""
     from microslip.parallel.petsc import initialise
 
     initialise()
     from catalogue.sound import write_sound
 
-    chance, n_findings = random.Random(asked.seed), 0
+    chance, n_findings = random.Random(options.seed), 0
     counts: collections.Counter[tuple[str, int | str]] = collections.Counter()
     with tempfile.TemporaryDirectory(prefix="mutations_") as name:
         folder = Path(name)
         write_sound(folder)
         scenes = [tomllib.loads((folder / scene).read_text()) for scene in SCENES]
         worker = Worker(folder)
-        for number in range(asked.times):
+        for number in range(options.times):
             scene = mutated(chance.choice(scenes), chance)
             text = "".join(f"{json.dumps(key)} = {as_text(value)}\n" for key, value in scene.items())
             (folder / "mutated.toml").write_text(text, encoding="utf-8", errors="surrogateescape")
-            arguments = ["run", "mutated.toml", "--out", "out"] if chance.random() < asked.runs else ["check", "mutated.toml"]
+            arguments = ["run", "mutated.toml", "--out", "out"] if chance.random() < options.runs else ["check", "mutated.toml"]
             status, said = worker.do(arguments)
             counts[arguments[0], status] += 1
             if status not in ALLOWED or "Traceback" in said or (status != 0 and said.count("microslip: error: ") != 1):
@@ -187,7 +187,7 @@ def try_mutations(asked: argparse.Namespace) -> bool:
                 print(f"\n{number}: {arguments[0]}, {status}: {said[-1500:]}\n{text}", flush=True)
             if (number + 1) % 100 == 0:
                 print(f"{number + 1} scenes: {_in_words(counts)}", flush=True)
-    print(f"\nSeed {asked.seed}, {asked.times} scenes, {n_findings} findings")
+    print(f"\nSeed {options.seed}, {options.times} scenes, {n_findings} findings")
     return n_findings > 0
 
 

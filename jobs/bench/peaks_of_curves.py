@@ -1,4 +1,4 @@
-"""What ``peaks = true`` costs beside the curves alone: solves by Newton's method and processor time.
+"""The cost of ``peaks = true`` compared with that of the curves alone: solves by Newton's method and processor time.
 
     python jobs/bench/peaks_of_curves.py jobs/fan_small.toml jobs/lap_joint.toml --times 3
 
@@ -40,10 +40,10 @@ def main() -> None:
                         curves = microslip.respond(structure, peaks=with_peaks)
                         seconds[int(with_peaks), i] = time.process_time() - clock
                     solves[int(with_peaks), i] = correct.call_count
-        n_peaks, (without, beside) = sum(map(len, curves.peaks.values())), np.median(seconds, axis=1)
+        n_peaks, (without, with_peaks) = sum(map(len, curves.peaks.values())), np.median(seconds, axis=1)
         print(
             f"{path}: {n_peaks} peaks; {solves[0, 0]} and {solves[1, 0]} solves, {(solves[1, 0] - solves[0, 0]) / n_peaks:.0f} a peak; "
-            f"{without:.2f} and {beside:.2f} s: {beside / without:.2f}"
+            f"{without:.2f} and {with_peaks:.2f} s: {with_peaks / without:.2f}"
         )
 
 

@@ -1,4 +1,4 @@
-"""Peaks at a hundred levels by one continuation, beside the peaks of response curves: processor time and differences.
+"""Peaks at a hundred levels by one continuation, compared with the peaks of response curves: processor time and differences.
 
     python jobs/bench/peaks_over_level.py jobs/fan_small.toml --levels 5,10,15 --range 0.5,50 --values 100 [--samples 128]
 

@@ -1,4 +1,4 @@
-"""One reduced model in four programs: microslip beside NLvib, TMDSimPy and pyHarm, on what `microslip export` writes.
+"""One reduced model in four programs: microslip, NLvib, TMDSimPy and pyHarm, on what `microslip export` writes.
 
     python meshes/lap_joint.py --out meshes/lap_joint.msh
     python jobs/bench/peers.py [--out DIR] [--cases A,B] [--nlvib SRC] [--tmdsimpy FOLDER] [--python PYTHON] [--picture FILE]

@@ -1,4 +1,4 @@
-"""How few samples give the percentiles of a peak: Sobol points, Latin hypercubes and independent samples beside many samples.
+"""How few samples give the percentiles of a peak: Sobol points, Latin hypercubes and independent samples, compared with many samples.
 
     python jobs/bench/percentiles.py [SCENE.toml] [--samples 1024] [--seeds 200]
 
@@ -32,17 +32,17 @@ def main() -> None:
     parser.add_argument("scene", nargs="?", type=Path, default=ROOT / "jobs" / "fan_small.toml")
     parser.add_argument("--samples", type=int, default=1024)
     parser.add_argument("--seeds", type=int, default=200)
-    asked = parser.parse_args()
-    structure = microslip.build(microslip.read(asked.scene, ["solver.error_bars=false", "response.levels=[10.0]"]))
+    arguments = parser.parse_args()
+    structure = microslip.build(microslip.read(arguments.scene, ["solver.error_bars=false", "response.levels=[10.0]"]))
     from microslip.library.design import Scatter, scattered
     from microslip.library.varied import Varied
 
     nominal = Varied.of(structure.scene, tuple(SCATTER)).nominal
     scatter = {key: Scatter(mean, percent) for (key, percent), mean in zip(SCATTER.items(), nominal)}
-    design, start = scattered(scatter, asked.samples), time.process_time()
+    design, start = scattered(scatter, arguments.samples), time.process_time()
     table = microslip.sweep(structure, {key: design.values[:, j] for j, key in enumerate(design.keys)}, paired=True)
     x, y = np.log(design.values[table.is_done]), np.log(table.amplitude[table.is_done])
-    print(f"{len(y)} of {asked.samples} peaks in {time.process_time() - start:.3g} s of the processor")
+    print(f"{len(y)} of {arguments.samples} peaks in {time.process_time() - start:.3g} s of the processor")
     rest = np.arange(len(y)) % 4 == 0
     off = RBFInterpolator(x[~rest], y[~rest], neighbors=80)(x[rest]) - y[rest]
     amplitude = RBFInterpolator(x, y, neighbors=80)
@@ -54,7 +54,7 @@ def main() -> None:
     kinds = {"sobol": "Sobol", "latin": "Latin hypercube", "random": "independent"}
     print("| samples | " + " | ".join(f"{name}: 5, 50, 95 %" for name in kinds.values()) + " |")
     for n in SIZES:
-        cells = [errors(kind, n, asked.seeds, scatter, amplitude, exact) / spread for kind in kinds]
+        cells = [errors(kind, n, arguments.seeds, scatter, amplitude, exact) / spread for kind in kinds]
         print(f"| {n} | " + " | ".join(", ".join(f"{100.0 * error:.1f}" for error in each) for each in cells) + " |", flush=True)
     structure.close()
 

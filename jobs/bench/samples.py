@@ -3,7 +3,7 @@
     python jobs/bench/samples.py [SCENE.toml] [--samples 32 64 128 256 512] [--reference 4096]
 
 Errors are those of the complex amplitude at the same frequencies, largest over levels and outputs, over the largest amplitude of the
-level; the reference follows the path with many samples.  Times are those of the response, set-up apart.
+level; the reference follows the path with many samples.  Times are those of the response without set-up.
 """
 
 import argparse
@@ -24,8 +24,8 @@ def amplitudes(structure, samples, law, at):
     seconds = time.perf_counter() - start
     curves = [response[name] for name in response.outputs]
     values = [[c.amplitude[i] * np.exp(1j * c.phase[i]) for c in curves] for i in range(len(response.levels))]
-    asked = [np.flatnonzero(np.isin(np.round(curves[0].frequency[i], 6), at)) for i in range(len(response.levels))]
-    return [np.array(v)[:, n] for v, n in zip(values, asked)], seconds
+    requested = [np.flatnonzero(np.isin(np.round(curves[0].frequency[i], 6), at)) for i in range(len(response.levels))]
+    return [np.array(v)[:, n] for v, n in zip(values, requested)], seconds
 
 
 def main():

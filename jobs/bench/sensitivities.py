@@ -1,4 +1,4 @@
-"""What the sensitivities of a point cost beside its solution, in processor time, with and without error bars.
+"""The cost of the sensitivities of a point compared with its solution, in processor time, with and without error bars.
 
 python jobs/bench/sensitivities.py jobs/fan_small.toml [--levels 5,15]
 """
@@ -16,12 +16,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
     parser.add_argument("--levels", default="5,15", help="N, with commas")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     print("| error bars | level | points | ms a point | ms of its sensitivities | share of the rest |")
-    with microslip.build(microslip.read(asked.scene), MPI.COMM_WORLD) as structure:
+    with microslip.build(microslip.read(options.scene), MPI.COMM_WORLD) as structure:
         spent = timed()
         for bars in (True, False):
-            for level in map(float, asked.levels.split(",")):
+            for level in map(float, options.levels.split(",")):
                 spent[:], begin = [0.0, 0], process_time()
                 microslip.respond(structure, levels=[level], error_bars=bars, sensitivities=True)
                 total, (own, n) = process_time() - begin, spent

@@ -4,7 +4,7 @@
                                      [--stages NAME ...] [--folder DIR]
 
 The scene, by default a short form of the demo, runs once undisturbed on each number of ranks.  Then, `--times` times, it runs in a
-new folder and gets one signal, a third of them two of them, a moment apart.  A moment lies anywhere in the whole job, start and end
+new folder and gets one signal, a third of them two of them, one shortly after the other.  A moment lies anywhere in the whole job, start and end
 included, or, in half of the trials, in one of the stages of the log, each as likely.  On one rank the signal goes to the process; on
 several in turn to one rank, to all ranks, and to mpirun.  The same command is then given again until the end.
 
@@ -53,7 +53,7 @@ class SignalTest(Test):
             time.sleep(0.05)
         seconds, left = run.seconds - at, [] if status is None else members(run.process.pid)
         run.kill()
-        n = trial.told = max(len(POINT.findall(text)) for text in (run.said(), _log(out)))
+        n = trial.reported = max(len(POINT.findall(text)) for text in (run.said(), _log(out)))
         trial.hit.append(f"{number.name} to {to}: {at:.2f} s, after {where}, point {n}: {status} after {seconds:.1f} s")
         if status is None:
             trial.wrong.append(f"had not ended {WITHIN:.0f} s after the signal")
@@ -66,10 +66,10 @@ class SignalTest(Test):
     def _wait_for_moment(self, run: Run, goal: Undisturbed) -> None:
         """Wait for a moment of the whole job, or for one within a stage."""
         stages = list(goal.stages)
-        if not self.asked.stages and self.random.random() < 0.5:
+        if not self.arguments.stages and self.random.random() < 0.5:
             self._sleep(run, self.random.uniform(0.0, goal.seconds))
             return
-        i = self.random.choice([i for i, name in enumerate(stages) if name.startswith(tuple(self.asked.stages or [""]))])
+        i = self.random.choice([i for i, name in enumerate(stages) if name.startswith(tuple(self.arguments.stages or [""]))])
         while i and not run.is_over and stages[i - 1] not in dict(STAGE.findall(run.said())):
             time.sleep(0.002)
         self._sleep(run, self.random.uniform(0.0, 1.2 * goal.stages[stages[i]]))
@@ -122,11 +122,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     kill_test.add_arguments(parser, times=200)
     parser.add_argument("--stages", nargs="+", metavar="NAME", help="of the log, in which alone signals are sent")
-    asked = parser.parse_args()
-    asked.in_a_row = 1
-    if asked.scene == kill_test.DEMO and not asked.settings:
-        asked.settings = list(SHORT)
-    sys.exit(kill_test.run_trials(SignalTest, asked))
+    arguments = parser.parse_args()
+    arguments.in_a_row = 1
+    if arguments.scene == kill_test.DEMO and not arguments.settings:
+        arguments.settings = list(SHORT)
+    sys.exit(kill_test.run_trials(SignalTest, arguments))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A factor of K_L in single precision with refinement in double, and the count of modes by one, beside MUMPS in double precision.
+"""A factor of K_L in single precision with refinement in double, and the count of modes by one, compared with MUMPS in double precision.
 
     python meshes/fan_sector.py --size paper --out meshes/fan_paper.msh
     python jobs/bench/single_precision.py jobs/fan_paper.toml [--columns 1 16 64]
@@ -151,7 +151,7 @@ def main() -> None:
             in_double, X = timed(partial(factors["double"].solve, B))
             in_single, (Y, n) = timed(partial(refined, K, factors["single"], B))
             error = np.max(np.linalg.norm(Y - X, axis=0) / np.linalg.norm(X, axis=0))
-            print(f"{m} columns: double {in_double:.2f} s, single {in_single:.2f} s in {n} iterations, {error:.0e} apart")
+            print(f"{m} columns: double {in_double:.2f} s, single {in_single:.2f} s in {n} iterations, differ by {error:.0e}")
         gaps = [k for k in range(1, len(omega_n)) if omega_n[k] > 1.02 * omega_n[k - 1]]
         for k in (gaps[0], gaps[-1]):
             sigma = (0.5 * (omega_n[k - 1] + omega_n[k])) ** 2

@@ -1,4 +1,4 @@
-"""What the multipliers of a point cost beside its solution, in processor time.
+"""The cost of the multipliers of a point compared with its solution, in processor time.
 
     python jobs/bench/stability.py jobs/fan_small.toml --level 15 --points 40
 
@@ -35,16 +35,16 @@ def main() -> None:
     options.add_argument("--level", type=float, required=True, help="N")
     options.add_argument("--points", type=int, default=40)
     options.add_argument("--shown", type=int, default=10)
-    asked = options.parse_args()
-    scene = read_scene(asked.scene)
+    arguments = options.parse_args()
+    scene = read_scene(arguments.scene)
     with build(scene, MPI.COMM_SELF) as structure:
         response = prepare(structure, has_bars=scene.accuracy is not None).response
-        response = replace(response, settings=replace(response.settings, points=asked.points))
+        response = replace(response, settings=replace(response.settings, points=arguments.points))
         clock = time.process_time()
-        branch = follow_level(response, asked.level)
-        solved, problem, spent = time.process_time() - clock, response.at_level(asked.level), []
+        branch = follow_level(response, arguments.level)
+        solved, problem, spent = time.process_time() - clock, response.at_level(arguments.level), []
         slipping = [point for point in branch.points if point.state.any()]
-        some = slipping[:: max(1, len(slipping) // asked.shown)]
+        some = slipping[:: max(1, len(slipping) // arguments.shown)]
         print(
             f"{response.model.n_pairs} pairs, {response.model.n_modes} modes, {len(branch.points)} points, {len(slipping)} with slip"
         )

@@ -26,15 +26,15 @@ def main() -> None:
     parser.add_argument("--joint", default="dovetail")
     parser.add_argument("--frictions", default="0.1:0.6:11")
     parser.add_argument("--alone", action="store_true")
-    asked = parser.parse_args()
-    first, last, n = asked.frictions.split(":")
+    arguments = parser.parse_args()
+    first, last, n = arguments.frictions.split(":")
     values = np.linspace(float(first), float(last), int(n))
-    scene = microslip.read(asked.scene, ["solver.error_bars=false"])
+    scene = microslip.read(arguments.scene, ["solver.error_bars=false"])
     start = time.perf_counter()
     structure = microslip.build(scene)
     print(f"set-up {time.perf_counter() - start:.3g} s")
     times = {-1: time.process_time()}
-    key = f"joints.{asked.joint}.friction"
+    key = f"joints.{arguments.joint}.friction"
     table = microslip.sweep(structure, {key: values}, on_sample=lambda i, sample: times.update({i: time.process_time()}))
     ends = list(times.values())
     spent = {i: end - before for i, before, end in zip(list(times)[1:], ends, ends[1:])}
@@ -47,7 +47,7 @@ def main() -> None:
     totals, level = np.zeros(4), max(scene.response.levels)
     for i, (value, sample) in enumerate(zip(values, table.samples)):
         start = time.process_time()
-        curve = microslip.respond(structure, levels=level, friction={asked.joint: value}).results.levels[0]
+        curve = microslip.respond(structure, levels=level, friction={arguments.joint: value}).results.levels[0]
         cost = np.array([sample.newton, spent[i], curve.newton.sum(), time.process_time() - start])
         totals += cost if np.isfinite(cost).all() else 0.0
         newton, seconds, of_curve, time_of_curve = cost
@@ -61,7 +61,7 @@ def main() -> None:
             f"all but the first: {totals[0]:.0f} and {totals[2]:.0f} Newton iterations, {totals[1]:.3g} and {totals[3]:.3g} s: a peak takes "
             f"{totals[0] / totals[2]:.2f} of the iterations and {totals[1] / totals[3]:.2f} of the time of a curve"
         )
-    if asked.alone:
+    if arguments.alone:
         alone = [microslip.sweep(structure, {key: [value]}).samples[0] for value in values]
         for name in ("amplitude", "frequency", "width"):
             by_itself = np.array([getattr(sample, name) for sample in alone])

@@ -132,5 +132,5 @@ def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level
 
 
 def frequencies(n: int) -> np.ndarray:
-    """Return ``n`` frequencies about OMEGA [rad/s], a few per mille apart as along a curve."""
+    """Return ``n`` frequencies about OMEGA [rad/s], with distances of a few per mille as along a curve."""
     return OMEGA * (1.0 + 2e-3 * (np.arange(n) - n // 2))

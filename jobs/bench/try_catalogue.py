@@ -38,11 +38,11 @@ ENTRIES = {
 }
 
 
-def chosen(asked: argparse.Namespace) -> list[tuple[str, str, object]]:
-    """Return sort, name and entry of those that are asked for."""
-    entries = [(sort, name, entry) for sort in asked.sorts for name, entry in ENTRIES[sort] if asked.only in name]
+def chosen(arguments: argparse.Namespace) -> list[tuple[str, str, object]]:
+    """Return sort, name and entry of those that are requested."""
+    entries = [(sort, name, entry) for sort in arguments.sorts for name, entry in ENTRIES[sort] if arguments.only in name]
     entries = [one for one in entries if not (getattr(one[2], "not_by_root", False) and os.geteuid() == 0)]
-    return entries[:: asked.every]
+    return entries[:: arguments.every]
 
 
 def message(said: str) -> str:
@@ -58,7 +58,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, metavar="N", help="the first of each N")
     parser.add_argument("--once", action="store_true", help="of faults: do not run again")
     parser.add_argument("--messages", action="store_true")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     print("\n".join(machine.lines(machine.facts())), flush=True)
     counts: dict[tuple[str, int], tuple[int, int, float]] = {}
     began = time.monotonic()
@@ -66,18 +66,18 @@ def main() -> None:
         sound = Path(folder, "sound")
         sound.mkdir()
         write_sound(sound)
-        for ranks in asked.ranks:
-            for sort, name, entry in chosen(asked):
+        for ranks in arguments.ranks:
+            for sort, name, entry in chosen(arguments):
                 here = Path(folder, "here")
                 if sort == "fault":
-                    ended, wrong = processes.fault(entry, sound, here, ranks, not asked.once)
+                    ended, wrong = processes.fault(entry, sound, here, ranks, not arguments.once)
                 else:
                     ended, wrong = processes.bad_input(entry, sound, here, ranks)
                 shutil.rmtree(here)
                 good, n, longest = counts.get((sort, ranks), (0, 0, 0.0))
                 is_longer = getattr(entry, "within", WITHIN) > WITHIN  # the watchdog's own time
                 counts[sort, ranks] = good + (not wrong), n + 1, longest if is_longer else max(longest, ended.seconds)
-                if wrong or asked.messages:
+                if wrong or arguments.messages:
                     print(
                         f"{sort}, {ranks} ranks, {name}: {'; '.join(wrong) or 'as it should be'} [{ended.status}, {ended.seconds:.1f} s]\n    {message(ended.said)}",
                         flush=True,

@@ -45,14 +45,14 @@ def main() -> None:
     parser.add_argument("picture", type=Path)
     parser.add_argument("--width", type=int, default=1280)
     parser.add_argument("--height", type=int, default=1500)
-    asked = parser.parse_args()
-    asked.picture.unlink(missing_ok=True)
-    faults = opened(asked.page, asked.picture, asked.width, asked.height)
-    if not faults and imread(asked.picture)[..., :3].std() < LEAST_SPREAD:
+    arguments = parser.parse_args()
+    arguments.picture.unlink(missing_ok=True)
+    faults = opened(arguments.page, arguments.picture, arguments.width, arguments.height)
+    if not faults and imread(arguments.picture)[..., :3].std() < LEAST_SPREAD:
         faults = ["the picture is blank"]
     if faults:
         sys.exit("\n".join(faults))
-    print(f"{asked.picture}: {asked.page} at {asked.width} pixels, without a complaint")
+    print(f"{arguments.picture}: {arguments.page} at {arguments.width} pixels, without a complaint")
 
 
 if __name__ == "__main__":

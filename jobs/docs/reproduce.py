@@ -258,28 +258,29 @@ def nearest(page: Table, made: list[tuple[str, Table]]) -> tuple[str, Comparison
     return max(tried, key=lambda one: (one[1].rows, one[1].equal, -len(one[1].differ)), default=None)
 
 
-def examined(path: Path, asked: argparse.Namespace) -> Counter:
+def examined(path: Path, arguments: argparse.Namespace) -> Counter:
     """Run the commands of a page and print what became of each and of every table; return the counts."""
     text, made = path.read_text(encoding="utf-8"), []
     print(f"\n{path.name}", flush=True)
-    chosen = [one for one in commands(text) if is_asked_for(one, asked)]
-    if asked.list:
+    chosen = [one for one in commands(text) if is_requested(one, arguments)]
+    if arguments.list:
         print(*(f"  {command}" for command in chosen), sep="\n")
         return Counter()
     with tempfile.TemporaryDirectory() as place:
         copy = Path(place) / "project"
         copy_project(copy)
         for command in chosen:
-            said, printed = output(command, asked.seconds, copy)
+            said, printed = output(command, arguments.seconds, copy)
             print(f"  {command}\n    {said}, tables: {len(printed)}", flush=True)
             made += [(command, one) for one in printed]
     return compared(tables(text), made)
 
 
-def is_asked_for(command: str, asked: argparse.Namespace) -> bool:
-    """Return whether a command is one to run: whole, and among those asked for."""
+def is_requested(command: str, arguments: argparse.Namespace) -> bool:
+    """Return whether a command is one to run: whole, and among those requested."""
     is_whole = not WANTS.search(command) and not MENTION.fullmatch(command)
-    return is_whole and bool(re.search(asked.only, command)) and not (asked.without and re.search(asked.without, command))
+    is_left_out = arguments.without and re.search(arguments.without, command)
+    return is_whole and bool(re.search(arguments.only, command)) and not is_left_out
 
 
 def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
@@ -292,7 +293,7 @@ def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
             print(head + "no command that ran made it")
             continue
         one = closest[1]
-        ratios = f", {one.ratios} {RATIO}, by up to {one.change:.2g} apart" if one.ratios else ""
+        ratios = f", {one.ratios} {RATIO}, which differ by up to {one.change:.2g}" if one.ratios else ""
         numbers = f"{one.equal} of {one.judged} numbers agree, {one.machine} {MACHINE}"
         print(f"{head}{one.rows} of {len(table.rows)} rows, {numbers}{ratios}")
         for row, column, here, now in one.differ:
@@ -308,9 +309,9 @@ def main() -> int:
     parser.add_argument("--only", default="", help="commands that this regular expression is found in")
     parser.add_argument("--without", help="commands to leave out")
     parser.add_argument("--list", action="store_true", help="the commands, none run")
-    asked = parser.parse_args()
-    counts = sum((examined(path, asked) for path in asked.pages or sorted((ROOT / "docs").glob("*.md"))), Counter())
-    if not asked.list:
+    arguments = parser.parse_args()
+    counts = sum((examined(path, arguments) for path in arguments.pages or sorted((ROOT / "docs").glob("*.md"))), Counter())
+    if not arguments.list:
         print(
             f"\n{counts['made']} of {counts['tables']} tables made: {counts['equal']} numbers agree, cells that differ: "
             f"{counts['differ']}, {counts['machine']} {MACHINE}, {counts['ratios']} {RATIO}"

@@ -76,7 +76,7 @@ ENDS = (
 
 @cache
 def imports(path: Path, with_types: bool = False) -> set[str]:
-    """Return the modules that a file imports: "numpy", "microslip.mesh.data"; for type checking alone only if asked for."""
+    """Return the modules that a file imports: "numpy", "microslip.mesh.data"; for type checking alone only if requested."""
     here = ("microslip", *path.relative_to(PACKAGE).parts[:-1])
     modules = set()
     tree = ast.parse(path.read_text(encoding="utf-8"))

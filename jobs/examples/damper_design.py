@@ -74,14 +74,14 @@ def main() -> None:
     parser.add_argument("--scene", type=Path, default=Path(__file__).with_suffix(".toml"))
     parser.add_argument("--levels", nargs="+", type=float, default=[0.5, 1.0, 2.0, 4.0])
     parser.add_argument("--evaluations", type=int, default=15)
-    asked = parser.parse_args()
-    with microslip.build(microslip.read(asked.scene)) as structure:
-        best = best_damper(structure, asked.levels, evaluations=asked.evaluations)
+    arguments = parser.parse_args()
+    with microslip.build(microslip.read(arguments.scene)) as structure:
+        best = best_damper(structure, arguments.levels, evaluations=arguments.evaluations)
         is_first = structure.comm.rank == 0
     friction, mass = np.exp(best.x)
-    heavier = microslip.read(asked.scene, [f"materials.damper.density={7850.0 * mass}"])
+    heavier = microslip.read(arguments.scene, [f"materials.damper.density={7850.0 * mass}"])
     with microslip.build(heavier) as structure:
-        value, _ = mean_of_peaks(structure, asked.levels, friction, mass)
+        value, _ = mean_of_peaks(structure, arguments.levels, friction, mass)
     if is_first:
         print(f"best: friction {friction:.3f}, {mass:.3f} of the mass of the scene: {1e6 * np.exp(best.fun):.5g} um/N")
         print(f"with the inertia of that mass: {1e6 * np.exp(value):.5g} um/N")

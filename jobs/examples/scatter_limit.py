@@ -78,14 +78,14 @@ def main() -> None:
     parser.add_argument("--discs", type=int, default=10, help="number of discs drawn (default: %(default)s)")
     parser.add_argument("--share", type=float, default=0.9, help="of the discs that stay below the limit (default: %(default)s)")
     parser.add_argument("--scatters", nargs="+", type=float, default=[0.0025, 0.005, 0.01, 0.02], help="standard deviations")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     say = print if MPI.COMM_WORLD.rank == 0 else (lambda line: None)
-    discs = Discs(asked.scene, asked.quantity, asked.discs, asked.share)
-    limit = scatter_at(discs, asked.limit, sorted(asked.scatters), say)
+    discs = Discs(arguments.scene, arguments.quantity, arguments.discs, arguments.share)
+    limit = scatter_at(discs, arguments.limit, sorted(arguments.scatters), say)
     if limit is None:
-        say(f"no scatter up to {max(asked.scatters):g} reaches {asked.limit:g}")
+        say(f"no scatter up to {max(arguments.scatters):g} reaches {arguments.limit:g}")
     else:
-        say(f"the worst blade passes {asked.limit:g} times alike blades at a scatter of {asked.quantity} of {limit:.5f}")
+        say(f"the worst blade passes {arguments.limit:g} times alike blades at a scatter of {arguments.quantity} of {limit:.5f}")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from microslip.harmonic.balance import HarmonicBalance
 from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 REFERENCE, ORIGINAL, IMPROVED = "reference", "original", "improved"
-TIE = 1e-6  # of the peak: differences that far apart are the same
+TIE = 1e-6  # of the peak: differences up to this are equal
 NEAR = 1e-12  # of the frequency: where a point is solved again
 
 
@@ -27,7 +27,7 @@ NEAR = 1e-12  # of the frequency: where a point is solved again
 class Setting:
     """One way to run both methods."""
 
-    points: int  # asked for
+    points: int  # requested
     rule: str = ARC
     down: bool = False  # from the end of the range to its start
     start: float = 0.0  # phase of the load at the first sample, where the sliders start [degrees]
@@ -45,7 +45,7 @@ class Setting:
         parts += [f"H = {self.harmonics}"] if self.harmonics else []
         parts += [f"Newton's tolerance {self.tolerance:g}"] if self.tolerance else []
         parts += [f"original keeps \u0394p over {100.0 * self.slack:g} % of \u03bc N0"] if self.slack else []
-        parts += ["original keeps what slips or opens in the kept period"] if self.settled else []
+        parts += ["original keeps what slips or opens in the last period"] if self.settled else []
         return parts[-1]
 
     def of(self, method: str) -> Setting:
@@ -109,7 +109,7 @@ class Own:
     """The highest point of each method's curve where each goes its own steps of the arc length."""
 
     level: float  # N
-    asked: int  # points
+    requested: int  # points
     solved: dict[str, int]  # points, by method
     peak: dict[str, float]  # over the peak of the reference in the finest of such curves, less 1
 
@@ -127,7 +127,7 @@ def judged(improved: Found | None, original: Found | None) -> str:
 
 @dataclass(frozen=True)
 class Settled(NonStickingPairs):
-    """The pairs that slip or open in the kept period of the last solution."""
+    """The pairs that slip or open in the last period of the last solution."""
 
     def update(self, moves: np.ndarray, state: np.ndarray, energy: np.ndarray) -> np.ndarray:
         return state != STICK
@@ -222,11 +222,11 @@ class Trials:
             self._curves[method, points] = follow_branch(task, 10 * points)
         return self._curves[method, points]
 
-    def own(self, asked: Sequence[int]) -> list[Own]:
+    def own(self, requested: Sequence[int]) -> list[Own]:
         """Return the peaks of curves in each method's own steps, for some numbers of points; the largest is the measure."""
-        curves = {n: {method: self.curve(method, n) for method in (REFERENCE, ORIGINAL, IMPROVED)} for n in asked}
+        curves = {n: {method: self.curve(method, n) for method in (REFERENCE, ORIGINAL, IMPROVED)} for n in requested}
         tops = {n: {method: self.highest(curve) for method, curve in of.items()} for n, of in curves.items()}
-        true = tops[max(asked)][REFERENCE]
+        true = tops[max(requested)][REFERENCE]
         return [
             Own(
                 self.level,
@@ -234,7 +234,7 @@ class Trials:
                 {method: len(curve.points) for method, curve in curves[n].items()},
                 {method: top / true - 1.0 for method, top in tops[n].items()},
             )
-            for n in asked
+            for n in requested
         ]
 
     @staticmethod

@@ -88,14 +88,14 @@ def own_steps(own: Sequence[Own]) -> list[str]:
     rows = [
         [
             f"{one.level:g}",
-            str(one.asked),
+            str(one.requested),
             *(str(one.solved[method]) for method in methods),
             *(f"{one.peak[method]:+.1e}" for method in methods),
         ]
         for one in own
     ]
     points = ("points: full set", "points: original", "points: improved")
-    return table(("level, N", "points asked for", *points, "highest: full set", "highest: original", "highest: improved"), rows)
+    return table(("level, N", "points requested", *points, "highest: full set", "highest: original", "highest: improved"), rows)
 
 
 def draw(trials: Sequence[Trial], scene) -> Page:

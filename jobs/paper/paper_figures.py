@@ -170,7 +170,7 @@ def _view(elevation: float, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
     return towards, np.array([right, np.cross(towards, right)])
 
 
-# -- beside figure 6: adaptive against the reference ------------------------------------------------------------------------
+# -- in addition to figure 6: adaptive and the reference ------------------------------------------------------------------------
 
 
 def adaptive(study: Study) -> Page | None:
@@ -216,7 +216,7 @@ def _differences(ax, run: Run, exact: Run, **looks) -> None:
 
 def _slip_range(level: Level) -> tuple[float, float]:
     """Return the frequencies between which pairs slip or open, and a margin [Hz]."""
-    frequency, slips = level.reference.frequency, level.reference.kept > 0
+    frequency, slips = level.reference.frequency, level.reference.retained > 0
     low, high = frequency[slips].min(), frequency[slips].max()
     margin = 0.12 * (high - low) or 1e-3 * high
     return max(low - margin, frequency.min()), min(high + margin, frequency.max())
@@ -451,7 +451,7 @@ def steps(study: Study) -> Page | None:
             n = [step.solved for step in chosen]
             ax.plot(n, np.maximum([step.largest for step in chosen], FLOOR), "o-", color=colours[level], ms=3.5)
             ax.plot(n, np.maximum([abs(step.at_peak) for step in chosen], FLOOR), "s:", color=colours[level], ms=3.5, mfc="white")
-        ticks = sorted({step.asked for step in study.steps})
+        ticks = sorted({step.requested for step in study.steps})
         ax.set(xscale="log", yscale="log", xlabel="points", ylim=(FLOOR / 3.0, 1.0))
         ax.set_xticks(ticks, [str(n) for n in ticks])
         ax.minorticks_off()

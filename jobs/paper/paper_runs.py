@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "bench")]  # its drivers are scripts beside each other
+sys.path[:0] = [str(Path(__file__).parents[1] / "bench")]  # its drivers are scripts in one folder
 
 import methods
 import numpy as np
@@ -39,10 +39,10 @@ class Run:
 
     row: Row
     points: list  # converged points, in the order of the frequencies
-    kept: np.ndarray  # (n,) pairs in B
+    retained: np.ndarray  # (n,) pairs in B
     dropped: np.ndarray  # (n,) pairs held stuck with p != 0, as the law gives it for the motion found
     lost: np.ndarray  # (n,) friction loss of those, likewise [J per cycle]
-    carries: np.ndarray  # (n, n_pairs) bool: kept, with p != 0
+    carries: np.ndarray  # (n, n_pairs) bool: retained, with p != 0
 
     @property
     def level(self) -> float:
@@ -93,7 +93,7 @@ class Level:
 
     @property
     def improved(self) -> Run:
-        """Return the run of `adaptive-energy` with the paper's tolerance; with the least there is, if it was not asked for."""
+        """Return the run of `adaptive-energy` with the paper's tolerance; with the least there is, if it was not requested."""
         return self.energy.get(EPSILON) or self.energy[min(self.energy)]
 
     @property
@@ -116,9 +116,9 @@ class Step:
 
     level: float
     rule: str  # ARC or EQUAL
-    asked: int  # points
+    requested: int  # points
     solved: int
-    spacing: float  # Hz between points beside the peak
+    spacing: float  # Hz between points next to the peak
     largest: float  # difference from `receptance` anywhere, over its peak
     at_peak: float  # relative error of the peak
     failure: str | None  # why the curve ends early
@@ -224,17 +224,17 @@ def condensed_at_peak(prepared: Prepared, level: Level, clock: Clock) -> None:
 
 
 def solved(problem, at_omegas: Callable, watch, method: str, selection, motion: bool = False) -> Run:
-    """Return one method at given frequencies; the motion of the pairs is kept if asked for."""
+    """Return one method at given frequencies; the motion of the pairs is stored if requested."""
     row, points = methods.of_branch(method, partial(at_omegas, selection), problem.level, watch)
     moving = np.array([moves(problem, point.U) for point in points])
     carries = np.array([point.p.any(axis=(1, 2)) for point in points])
     held = moving & ~carries
     lost = np.where(held, [point.energy for point in points], 0.0).sum(axis=1)
     in_B = (np.array(row.unknowns) // problem.equation.model.N_H - problem.equation.model.n_modes) // 3
-    kept = moving.sum(axis=1) if isinstance(selection, AllPairs) else in_B
+    retained = moving.sum(axis=1) if isinstance(selection, AllPairs) else in_B
     if not motion:
         points = [replace(point, U=NOTHING, p=NOTHING) for point in points]
-    return Run(row, points, kept, held.sum(axis=1), lost, carries)
+    return Run(row, points, retained, held.sum(axis=1), lost, carries)
 
 
 def moves(problem, U: np.ndarray) -> np.ndarray:
@@ -279,7 +279,7 @@ def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Ste
     return done
 
 
-def step_of(level: float, rule: str, asked: int, exact, late) -> Step:
+def step_of(level: float, rule: str, requested: int, exact, late) -> Step:
     """Return what one pair of runs at the same frequencies says."""
     responses = [np.array([point.response for point in branch.points]) for branch in (exact, late)]
     n = min(map(len, responses))
@@ -291,7 +291,7 @@ def step_of(level: float, rule: str, asked: int, exact, late) -> Step:
     return Step(
         level,
         rule,
-        asked,
+        requested,
         n,
         spacing,
         float(difference.max()),

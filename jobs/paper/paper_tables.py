@@ -82,7 +82,7 @@ def in_state(level: Level, state: int) -> str:
 def range_with_slip(level: Level) -> float:
     """Return the share of the range of frequencies in which a pair slips or opens."""
     frequency = level.reference.frequency
-    moving = frequency[level.reference.kept > 0]
+    moving = frequency[level.reference.retained > 0]
     return float(np.ptp(moving) / np.ptp(frequency)) if len(moving) else 0.0
 
 
@@ -230,10 +230,9 @@ def peaks(study: Study, name: str) -> str:
 def coarsest(study: Study) -> str:
     """Return the error of the peak of the original where points are fewest, at equal steps of frequency."""
     equal = [step for step in study.steps if step.rule == EQUAL and not step.failure]
-    fewest = min((step.asked for step in equal), default=0)
-    return (
-        ", ".join(f"{100.0 * step.at_peak:+.1f} % at {step.level:g} N" for step in equal if step.asked == fewest) or NOT_MEASURED
-    )
+    fewest = min((step.requested for step in equal), default=0)
+    coarsest = [step for step in equal if step.requested == fewest]
+    return ", ".join(f"{100.0 * step.at_peak:+.1f} % at {step.level:g} N" for step in coarsest) or NOT_MEASURED
 
 
 def checked(study: Study) -> float:
@@ -309,7 +308,7 @@ def tolerance(study: Study) -> list[str]:
                     NOT_MEASURED if run.failure else f"{peak_error(run, level.reference):+.1e}",
                     f"{run.unknowns.mean():,.0f}",
                     f"{run.unknowns[1:].max():,}",
-                    str(run.kept[at]),
+                    str(run.retained[at]),
                     str(run.dropped[at]),
                     percent(share_lost(run)),
                 ]
@@ -330,7 +329,7 @@ def steps(study: Study) -> list[str]:
         [
             f"{step.level:g}",
             step.rule,
-            str(step.asked),
+            str(step.requested),
             f"{step.solved}{' (stopped)' if step.failure else ''}",
             f"{step.spacing:.3g}",
             f"{step.largest:.1e}",
@@ -338,7 +337,7 @@ def steps(study: Study) -> list[str]:
         ]
         for step in study.steps
     ]
-    titles = ("level, N", "rule", "points asked for", "solved", "Hz between points at the peak", "difference, largest")
+    titles = ("level, N", "rule", "points requested", "solved", "Hz between points at the peak", "difference, largest")
     return table((*titles, "of the peak"), rows)
 
 

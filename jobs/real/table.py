@@ -1,10 +1,10 @@
-"""Public models of other programs as their users have them: what is read, what is refused and why, and modes beside targets.
+"""Public models of other programs as their users have them: what is read, what is refused and why, and modes over targets.
 
     python jobs/real/table.py [--folder DIR] [--page docs/real_models.md] [--only WORD]
 
 Fetches the packages of jobs/real/models.toml by their clients (pip; apt-get for Debian's, where it is there; git for public
 repositories) into DIR, by default a temporary folder, and checks every file of them as `microslip check` does.  What is in DIR
-already stays: packages by their names, repositories as OWNER+NAME.  Compressed inputs are unpacked beside themselves.  Models
+already stays: packages by their names, repositories as OWNER+NAME.  Compressed inputs are unpacked in their folders.  Models
 of manuals that have no mesh file are built (built.py).  The models of the list are then solved as a user would:
 `microslip new`, the edited lines of the list, `microslip modes` or `microslip run`.  Targets of CalculiX' set are the eigenvalues
 that come with it.
@@ -256,16 +256,16 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, help="where packages are fetched to, and copies of repositories are")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "real_models.md")
     parser.add_argument("--only", default="", metavar="WORD", help="packages whose name holds it; the page stays as it is")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     listed = tomllib.loads(MODELS.read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory(prefix="real_") as scratch:
-        folder = Path(scratch, "packages") if asked.folder is None else asked.folder
+        folder = Path(scratch, "packages") if arguments.folder is None else arguments.folder
         folder.mkdir(parents=True, exist_ok=True)
         packages, reasons = [], []
         rows: list[list[str]] = []
         curves: list[list[str]] = []
         for package in listed["packages"]:
-            if asked.only not in package["name"]:
+            if arguments.only not in package["name"]:
                 continue
             place = fetched(package, folder.absolute())
             files = [] if place is None else files_of(package, place)
@@ -281,14 +281,14 @@ def main() -> None:
                     new = curve_rows(*what) if model.get("curves") else [model_row(*what)]
                     (curves if model.get("curves") else rows).extend(new)
                     print(*(" | ".join(row) for row in new), sep="\n", flush=True)
-    if not asked.only:
+    if not arguments.only:
         tables = {
             "models": table(("model", "program", "read", "edited lines", "target, Hz (source)", "found, Hz", "ratio"), rows, 7),
             "curves": table(CURVES, curves, 10),
             "packages": table(("collection", "source", "licence", "program", "files", "read", "refused", "defects"), packages, 4),
             "reasons": table(("collection", "reason", "for example", "files"), reasons, 3),
         }
-        put(asked.page, tables)
+        put(arguments.page, tables)
 
 
 if __name__ == "__main__":

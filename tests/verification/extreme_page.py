@@ -60,7 +60,7 @@ def summary(outcomes: list) -> list[str]:
     rows = [
         ("cases", "", len(outcomes)),
         ("without an answer", "", len(outcomes) - answered),
-        ("refused by a rule on what may be asked for", "", by_rule),
+        ("refused by a rule on what may be requested", "", by_rule),
         ("solved of the others", asked, f"{counts[SOLVED]}, {100 * counts[SOLVED] / asked:.1f} %"),
         ("refused, of these as expected", expected, f"{counts[REFUSED]}, {expected}"),
         ("failed with a reason", 0, counts[FAILED]),
