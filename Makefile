@@ -1,8 +1,8 @@
 # make demo   installs the requirements on a bare Debian 12, then runs the demo scene with its pictures
 # make test   the same set-up, then style, types and tests: tests/**/test_mpi_*.py of the rooms in THREE below on three
 #             ranks, the others on two ranks, then tests on one rank in WORKERS parallel processes
-#             (make test WORKERS=8; default: the number of cores, at most four); those of the rooms in WHOLE that ran on two
-#             ranks are left out on one, and those marked study everywhere
+#             (make test WORKERS=8; default: the number of cores, at most four); those that ran on two ranks are left out
+#             on one where they are marked slow or their room is in WHOLE, and those marked study everywhere
 # make studies  the tests marked study, on two ranks and on one, and on one rank what `make test` leaves out there
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on another number (make ranks RANKS=5)
 # make quick  for daily use, about a minute: style, then on one rank all tests except those marked slow (more than a
@@ -24,7 +24,7 @@ PACKAGES = gcc libc6-dev python3 python3-dev python3-venv \
 PYTHON = /usr/bin/python3
 VENV = .venv
 IN_VENV = $(VENV)/bin/python
-PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
+PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --no-compile --constraint .ci/constraints.txt
 KERNEL = $(wildcard solver/microslip/*/*.pyx $(addprefix solver/microslip/contact/,elastic_coulomb*.c return_map.c *.h) \
   $(addprefix solver/microslip/receptance/,row_products*.c row_products*.h))
 GENERATORS = $(wildcard meshes/*.py)
@@ -53,8 +53,8 @@ PYTEST = -m pytest -q --color=no
 RANKS = 3
 # rooms that distribute nodes, rows and pairs; three ranks test nothing new in the other rooms
 THREE = assembly error_estimate harmonic linear mesh parallel
-# rooms whose tests run whole jobs
-WHOLE = cli library modes reduction restart statics verification
+# rooms whose tests run whole jobs, or functions that whole jobs on one rank go through
+WHOLE = cli continuation library modes receptance reduction restart stability statics transient verification
 # two ranks on at least two cores wait for messages without yielding their core: a third less time
 SPIN = $(shell [ $$(nproc) -ge 2 ] && echo --mca mpi_yield_when_idle 0)
 ON_RANKS = $(PYTEST) -p no:cacheprovider -p no:xdist
@@ -71,16 +71,15 @@ test: $(VENV)/installed $(VENV)/test-tools $(VENV)/docs-tools meshes/fan_small.m
 	@echo "tests on 3 ranks"
 	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) -m "not study" $$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
 	@echo "tests on 2 ranks"
-	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) -m "not study" \
-		$$(find tests -name 'test_mpi_*.py' $(THREE:%=-not -path 'tests/%/*') | sort)
-	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) -m "not study" --unless-on 3 \
-		$$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
-	$(ONE_RANK) -m "not study" --unless-on 2 --rooms "$(WHOLE)"
+	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) -m "not study" --unless-on 3 --rooms "$(THREE)" \
+		$$(find tests -name 'test_mpi_*.py' | sort)
+	$(ONE_RANK) -m "not study" --unless-on 2 --rooms "$(WHOLE) slow"
 
 studies: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) -m study $$(find tests -name 'test_mpi_*.py' | sort)
 	$(ONE_RANK) -m study
 	$(ONE_RANK) -m "not study" $$(find $(WHOLE:%=tests/%) -name 'test_mpi_*.py' | sort)
+	$(ONE_RANK) -m "slow and not study" $$(find tests -name 'test_mpi_*.py' $(WHOLE:%=-not -path 'tests/%/*') | sort)
 
 ranks: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 	@$(MPIRUN) --oversubscribe -n $(RANKS) $(IN_VENV) $(ON_RANKS) $$(find tests -name 'test_mpi_*.py' | sort)

@@ -104,7 +104,9 @@ def program(comm, capfd, monkeypatch, request):
 
 def pytest_addoption(parser):
     parser.addoption("--unless-on", type=int, metavar="N", help="leave out what also runs on N ranks")
-    parser.addoption("--rooms", default="", help="folders of tests, in one text, that --unless-on is for; default: all")
+    parser.addoption(
+        "--rooms", default="", help="folders of tests that --unless-on is for, and `slow` for tests so marked; default: all"
+    )
 
 
 def pytest_collection_modifyitems(config, items):
@@ -115,7 +117,9 @@ def pytest_collection_modifyitems(config, items):
     other, rooms = config.getoption("--unless-on"), config.getoption("--rooms").split()
 
     def runs_elsewhere(item):
-        return other and _is_for_ranks(item) and _runs_on(item, other) and (not rooms or item.path.parent.name in rooms)
+        names = {item.path.parent.name, *(mark.name for mark in item.iter_markers("slow"))}
+        is_meant = not rooms or not names.isdisjoint(rooms)
+        return other and _is_for_ranks(item) and _runs_on(item, other) and is_meant
 
     here = {item: _runs_on(item, COMM.size) and not runs_elsewhere(item) for item in items}
     config.hook.pytest_deselected(items=[item for item in items if not here[item]])
