@@ -48,9 +48,8 @@ def test_closed_streams(scene):
 def test_encodings_that_lack_letters(scene, variables):
     odd = scene.with_name("Ωmega.toml")
     odd.write_bytes(scene.read_bytes())
-    for command in (f"check {odd.name}", f"run {odd.name} --out out"):
-        done = shell(f"microslip {command}", scene.parent, **variables)
-        assert done.returncode == 0, done.stderr
+    done = shell(f"microslip run {odd.name} --out out", scene.parent, **variables)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_scene_whose_name_is_no_text(scene):

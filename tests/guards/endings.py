@@ -121,9 +121,9 @@ def moves():
 def calls_long():
     with patient():
         with patient():
-            time.sleep(1.5)
+            time.sleep(3.0)
         moved()
-        time.sleep(1.5)
+        time.sleep(3.0)
 
 
 def calls_long_and_hangs():

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -89,9 +88,8 @@ def test_a_signal_to_one_rank_ends_both(tmp_path):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_signal_during_a_long_call_ends_the_run(tmp_path, ranks):
-    began = time.monotonic()
     done = python(ENDINGS, "calls_without_an_answer", tmp_path / "out", ranks=ranks)
-    assert done.returncode == 5 and time.monotonic() - began < 20.0
+    assert done.returncode == 5  # a run that does not end exceeds the limit of `python`
     assert done.stderr.count("microslip: error: ") == 1
     assert "stopped by SIGTERM during a call that takes longer than 1 s; the results are elsewhere" in done.stderr
     assert list((tmp_path / "out").iterdir()) == []
@@ -121,9 +119,8 @@ def test_a_signal_to_mpirun_during_a_long_call_is_noticed(tmp_path):
 
 
 def test_a_first_rank_that_waits_on_its_way_out_says_its_message():
-    began = time.monotonic()
     done = python(ENDINGS, "hangs_on_its_way_out", ranks=2)
-    assert done.returncode == 5 and time.monotonic() - began < 20.0
+    assert done.returncode == 5
     assert done.stderr.count("microslip: error: stopped by SIGTERM\n") == 1 == done.stderr.count("microslip: error: ")
 
 
@@ -150,7 +147,7 @@ def test_a_rank_that_goes_on_is_left_alone():
 
 
 def test_a_long_call_is_left_alone():
-    done = python(ENDINGS, "calls_long", variables={"MICROSLIP_WATCHDOG": 1})
+    done = python(ENDINGS, "calls_long", variables={"MICROSLIP_WATCHDOG": 2.5})
     assert done.returncode == 0 and " in calls_long" not in done.stderr  # a busy machine takes longer to end the interpreter
 
 

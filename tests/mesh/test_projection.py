@@ -1,6 +1,6 @@
 """Points projected on surfaces: the right facet, weights that add up, edges, facets of very different size."""
 
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pytest
@@ -112,7 +112,7 @@ def test_no_points_give_empty_arrays():
 def test_many_points_take_seconds():
     points, faces = plate("hex20", (60, 60, 1))
     queries = np.random.default_rng(5).uniform([0.0, 0.0, 0.98], [1.0, 1.0, 1.02], (100_000, 3))
-    start = perf_counter()
+    start = process_time()
     projection = project_on_surface(points, faces, queries)
-    assert perf_counter() - start < 30.0
+    assert process_time() - start < 30.0
     assert projection.distance == pytest.approx(np.abs(queries[:, 2] - 1.0), abs=1e-12)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import sandboxed
 from mpi4py import MPI
-from processes import environment, wait_for
+from processes import LIMIT, environment, wait_for
 
 from microslip.guards.lock import locked
 from microslip.messages.errors import MeshError
@@ -97,8 +97,8 @@ def test_it_ends_with_its_parent_and_leaves_no_lock(tmp_path, number, status):
     with subprocess.Popen(command, env=variables) as parent:
         child = int(wait_for(tmp_path / "number"))
         parent.send_signal(number)
-        assert parent.wait(10.0) == status
-    deadline = time.monotonic() + 5.0
+        assert parent.wait(LIMIT) == status
+    deadline = time.monotonic() + 30.0  # its sleep is longer
     while is_alive(child):
         assert time.monotonic() < deadline
         time.sleep(0.01)
