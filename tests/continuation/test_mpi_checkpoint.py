@@ -106,8 +106,9 @@ def test_a_branch_goes_on_to_the_same_bits(make, with_preconditioners, monkeypat
         monkeypatch.setattr(newton_solver, "LARGEST", 30)
         monkeypatch.setattr(adjoint_solver, "MANY_KRYLOV", 2)
         monkeypatch.setattr(adjoint_solver, "DIRECT", 0)
-    at_once, in_pieces = followed(make, 14), followed(make, 14, str(shared_path / "state.npz"))
-    assert len(at_once) == len(in_pieces) >= 10
+    n_steps = 6 if make is free_task else 14
+    at_once, in_pieces = followed(make, n_steps), followed(make, n_steps, str(shared_path / "state.npz"))
+    assert len(at_once) == len(in_pieces) >= n_steps - 4
     assert (HELD in at_once[0].notes) == (make is free_task)
     for a, b in zip(at_once, in_pieces):
         for name in ("omega", "response", "U", "p", "energy", "state", "newton", "krylov", "harmonics", "samples", "notes"):

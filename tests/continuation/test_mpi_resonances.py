@@ -101,7 +101,7 @@ def test_a_mode_that_hardly_moves_the_pairs_is_seen():
 def test_no_peak_is_lost_where_the_slider_slips():
     system = chain()
     few, amplitude, _ = curve(system, SLIPS, 10)
-    omega, dense, _ = curve(system, SLIPS, 150)
+    omega, dense, _ = curve(system, SLIPS, 100)
     tops = 1 + np.flatnonzero((dense[1:-1] > dense[:-2]) & (dense[1:-1] > dense[2:]))
     assert len(tops) == 3
     for top in tops:

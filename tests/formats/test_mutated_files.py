@@ -47,7 +47,7 @@ def test_changed_files_are_read_or_refused(seeds, name):
     edit = st.tuples(st.integers(0, 1 << 17), st.integers(0, 12), words)
 
     @settings(
-        max_examples=8 if name in SLOW else 20,
+        max_examples=4 if name in SLOW else 20,
         deadline=None,
         derandomize=True,
         database=None,

@@ -21,6 +21,7 @@ pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 H, N_SAMPLES, LEVEL = 5, 64, 0.2
 SCENE = Path(__file__).parents[2] / "jobs" / "stop.toml"
+FURTHER = (15, 512, 3e-3), (31, 1024, 6e-4)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_folds_are_where_the_frequency_turns(curve):
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize(
     ("harmonics", "samples", "most"),
-    [(3, 128, 9e-2), (7, 256, 1.2e-2), (15, 512, 3e-3), pytest.param(31, 1024, 6e-4, marks=pytest.mark.study)],
+    [(3, 128, 9e-2), (7, 256, 1.2e-2), *(pytest.param(*of, marks=pytest.mark.study) for of in FURTHER)],
 )
 def test_the_multiplier_at_a_fold_comes_to_1_with_the_harmonics(harmonics, samples, most):
     """Of the fold of the truncated equations: at both folds of jobs/stop.toml, also from below.

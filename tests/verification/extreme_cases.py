@@ -61,15 +61,18 @@ def all_cases() -> list[Case]:
     return all_cases
 
 
-def quick_cases() -> list[Case]:
-    """Return a few cases of every family, small and quick ones, with few points, and those that a small change is felt by."""
+def quick_cases(of_family: slice = slice(None)) -> list[Case]:
+    """Return a few cases of every family, small and quick ones, with few points, and those that a small change is felt by.
+
+    ``of_family`` selects some of the four small ones of each family.
+    """
     values: list[Case] = []
     by_family: dict[str, list[Case]] = {}
     for case in all_cases():
         by_family.setdefault(case.family, []).append(case)
     for cases in by_family.values():
         spread = [case for case in cases[:: max(len(cases) // 4, 1)][:4] if not any(word in case.name for word in LONG)]
-        values += [replace(case, points=min(case.points, 8)) for case in spread if case.name not in DELICATE]
+        values += [replace(case, points=min(case.points, 8)) for case in spread[of_family] if case.name not in DELICATE]
         values += [case for case in cases if case.name in DELICATE]
     return values
 

@@ -49,7 +49,7 @@ def test_points_that_solve_the_truncated_equations_alone_are_noted_and_their_bar
     assert all(one.error > 0.02 and one.holds for one in points), [(one.error, one.bar) for one in points]
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_beside_a_fold_the_nearest_steady_state_counts():
     """Integration from a motion of 3 harmonics leaves the solution beside it for one 17 % of the peak away; from 15 it does not."""
     system, omega, outcome = draw(21, 25, True), 1.7816905098116933, random_systems.Found()
@@ -66,6 +66,7 @@ def test_beside_a_fold_the_nearest_steady_state_counts():
     assert one.is_steady and one.error < one.bar < 0.05 and "beside a fold" in one.kinds
 
 
+@pytest.mark.study
 def test_a_wrong_point_is_found_out():
     """An amplitude a part in a hundred off lies beyond its bar where more harmonics have made that short."""
     outcome = random_systems.solve(1, 7, 3, {"harmonics": 15, "samples": 512})

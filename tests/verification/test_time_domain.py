@@ -9,7 +9,7 @@ from verification import time_domain
 @pytest.mark.parametrize("name", time_domain.CASES)
 def test_branch_meets_time_integration(name):
     case = time_domain.CASES[name]
-    points = time_domain.balanced(case, case.omegas[1:3], 15, 2048, points=20)
+    points = time_domain.balanced(case, case.omegas[1:2], 15, 2048, points=20)
     peak = max(map(time_domain.amplitude, points))
     for point in points:
         # begun at the answer of harmonic balance, it drifts away in some ten periods if that is none
