@@ -26,7 +26,7 @@ def folder(comm, tmp_path_factory):
 @pytest.fixture(scope="module")
 def scene(comm, folder):
     path = on_root(comm, lambda: write_bar(folder, modes=4, harmonics=3, samples=64))
-    return changed(microslip.read(path), {"response": {"levels": LEVELS, "points": 6, "stability": True}})
+    return changed(microslip.read(path), {"response": {"levels": LEVELS, "points": 4, "stability": True}})
 
 
 @pytest.mark.ranks(1)

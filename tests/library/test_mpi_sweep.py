@@ -174,7 +174,7 @@ def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatc
 
 
 @pytest.mark.ranks(1)
-@pytest.mark.parametrize("mu", [1.0, 1e3])
+@pytest.mark.parametrize("mu", [1.0, pytest.param(1e3, marks=pytest.mark.study)])
 def test_the_update_holds_over_a_factor_of_a_hundred_either_way(comm, folder, mu):
     def of(k_t):
         path = on_root(comm, one_mass, folder / f"mu {mu} k_t {k_t}", k_t, mu, 12.0)
