@@ -42,6 +42,7 @@ def test_the_best_damper_of_one_mass_is_the_closed_form(mass):
     assert LEVEL * np.exp(best.fun) == pytest.approx(least.fun, rel=1e-3)
 
 
+@pytest.mark.study
 def test_its_slopes_are_differences(mass):
     levels, h = [0.6, LEVEL], 0.01
     value, slope = mean_of_peaks(mass, levels, 0.4, 1.2)

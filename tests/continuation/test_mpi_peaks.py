@@ -226,6 +226,7 @@ def test_a_peak_near_the_end_of_a_branch_is_between_closer_solutions(monkeypatch
     assert amplitude(curve.points[0]) == pytest.approx(amplitude(lead), rel=1e-5)
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
     """One mass: its peak depends on level / (mu N) alone, so that half the friction is twice the level at half the size."""
