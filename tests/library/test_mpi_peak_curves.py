@@ -3,6 +3,7 @@
 import csv
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from oracles import exact, scenes
 
 import microslip
 from microslip.continuation import peak_curves, ways_out
-from microslip.continuation.peak_curves import PeakRequest, beginnings, peak_at
+from microslip.continuation.maximum import Maximum
+from microslip.continuation.peak_curves import PeakRequest, beginnings, beyond_the_end, peak_at
 from microslip.continuation.peaks import FromSolution
 from microslip.continuation.point_record import HELD
 from microslip.continuation.point_solver import PointSolver
@@ -74,16 +76,43 @@ def test_a_peak_over_friction_goes_down_to_small_values(structure):
     )
 
 
-def test_a_peak_is_the_corner_of_the_curve_where_a_pair_begins_to_slip(comm):
-    """As on the curve; the top of the parabola through three solutions lies 0.2 % lower."""
+def test_a_peak_is_the_corner_of_the_curve_where_a_pair_begins_to_slip(comm, monkeypatch):
+    """As on the curve; the top of the parabola through three solutions lies 0.2 % lower.  On the way to 0.08 N there are no corners."""
     keys = {"error_bars": False, "harmonics": 3, "samples": 128}
     with microslip.build(microslip.read(SPATIAL), comm) as built:
         curves = microslip.respond(built, levels=[0.1], peaks=True, frequencies=[0.22, 0.24], points=20, **keys)
         peak = next(peak for peak in curves.peaks[0.1] if peak.output == 0)
+        at_corners, correct = [], Maximum.correct
+        monkeypatch.setattr(Maximum, "correct", lambda *args: at_corners.append(args) or correct(*args))
         (curve,) = microslip.peaks(built, {"level": (0.08, 0.1)}, frequencies=[0.13, 0.25], **keys)
+    assert 0 < len(at_corners) <= len(curve.value)
     assert curve.value[-1] == 0.1 and not curve.points.failure
     assert curve.amplitude[-1] == pytest.approx(abs(peak.amplitude), rel=1e-5)
     assert 2.0 * np.pi * curve.frequency[-1] == pytest.approx(peak.omega, rel=1e-5)
+
+
+def test_a_peak_of_a_curve_is_the_end_of_the_higher_of_two_pieces(comm):
+    """Where the pair begins to slip its mean position jumps; the maximum of the piece with slip is 3e-4 lower."""
+    keys = {"levels": [0.06], "error_bars": False, "harmonics": 3, "samples": 64}
+    with microslip.build(microslip.read(SPATIAL), comm) as built:
+        curves = microslip.respond(built, peaks=True, frequencies=[0.25, 0.28], points=20, **keys)
+        stuck = microslip.respond(built, frequencies=[0.2636408, 0.26366], direction="down", points=5, **keys)
+    (peak,) = (peak for peak in curves.peaks[0.06] if peak.output == 0)
+    near_its_end = comm.bcast(np.hypot(*stuck.branches[0].points[-1].response[0, 1:3]) if comm.rank == 0 else None)
+    assert abs(peak.amplitude) == pytest.approx(near_its_end, rel=1e-5) and peak.slipping == 0
+
+
+def test_a_peak_that_ends_early_says_whether_the_maximum_still_exists(comm):
+    """That at 0.2634 Hz joins a minimum at 0.0858 N, where another one on the flat top of the curve remains."""
+    response, solver = {"frequencies": [0.2, 0.3], "points": 60}, {"error_bars": False, "harmonics": 3, "samples": 128}
+    with microslip.build(changed(microslip.read(SPATIAL), {"response": response, "solver": solver}), comm) as built:
+        of = prepare(built).response
+        request = PeakRequest("level", (0.03, 1.0), (), 0, 0.0)
+        stuck = beginnings(of, request)[1]
+        ends = [SimpleNamespace(parameters=(level, 2.0 * np.pi * hertz)) for level, hertz in ((0.0853, 0.2634), (0.078, 0.267))]
+        gone, there = (beyond_the_end(of, request, stuck, end) for end in ends)
+    assert "maxima only at 0.23" in gone and "last at 0.2634 Hz, has met a minimum" in gone
+    assert "has a maximum near by, at 0.26" in there
 
 
 @pytest.mark.ranks(1)

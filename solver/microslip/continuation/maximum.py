@@ -29,6 +29,8 @@ CLOSEST = 1e-12  # share of it that is divided no further
 REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, where no neighbour on the curve is known
 DIVISIONS = 4  # of the parts of the curve next to the highest solution, between the neighbours of a maximum where pairs slip
 FURTHER = 12  # more of them, where a search from the highest solution does not end as high
+ABOVE = 1e-5  # of a maximum, by which one before it on another piece of the curve is higher
+SAME = 0.1  # of the distance to a maximum, within which a solution is the maximum itself
 WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others next to it may be higher
 SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided: the next where Newton's method fails
 ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, to go on by from there
@@ -49,6 +51,10 @@ class Sample:
     rate: np.ndarray  # (n_owned, 3, N_H) dU / dt [m]
     size: float  # |a|
     slope: float  # d|a| / dt
+
+    def tangent(self, t: float) -> float:
+        """Return the amplitude at a coordinate on the tangent of the curve [m].  Local."""
+        return self.size + self.slope * (t - self.t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +146,45 @@ class _Search:
             row = self.narrowed([before, (maximum.iterate, highest), after], DIVISIONS)
             if row is not None and row[1][1] > highest:
                 maximum = self.within(row)
-        return maximum
+        return self.on_higher_piece(maximum)
+
+    def on_higher_piece(self, maximum: Correction) -> Correction:
+        """Return the highest solution of a piece of the curve that overlaps the one of a maximum, where that is higher.
+
+        Where a pair begins to slip its mean position may jump, and with it the solution: the curve goes on beside its end.
+        """
+        best, size, state = maximum, self.size(maximum.iterate), self.state(maximum.iterate)
+        for end in self.neighbours if self.normal else ():
+            if self.corrector.comm.allreduce(int(np.count_nonzero(self.state(end) != state))):
+                top, within = self.along_piece(end, maximum.iterate)
+                if top is not None and top.size > size:
+                    best, size = replace(self.ended(top), within=within), top.size
+        return replace(best, newton=self.newton, krylov=self.krylov)
+
+    def along_piece(self, end: Iterate, top: Iterate) -> tuple[Sample | None, float]:
+        """Return the highest solution on the piece of a neighbour of a maximum, and the width [rad/s] that it is known to.
+
+        On to the place of the maximum, ``top``, and beyond it, by halves where the solution is no longer on the piece.  None
+        where that leads to the maximum itself and the tangent there shows no higher one before it.
+        """
+        here, t, size = self.at(self.place(end), end), self.place(top), self.size(top)
+        step = 0.0 if here is None else t - here.t
+        for _ in range(MOST_SOLUTIONS):
+            if here is None or here.slope * step <= 0.0:
+                return None, 0.0
+            new = self.at(here.t + step, self.ahead_of(here, step))
+            same = SAME * self.distance(here.iterate, top)
+            if new is not None and new.size >= here.size and self.distance(new.iterate, top) > same:
+                if new.slope * step <= 0.0:
+                    return self.between(*((here, new) if step > 0.0 else (new, here)))
+                here = new
+            elif (t - here.t) / step > 0.5 and here.tangent(t) <= (1.0 + ABOVE) * size:
+                return None, 0.0
+            elif abs(here.slope * step) > self.corrector.tolerance * here.size:
+                step *= 0.5
+            else:
+                break
+        return here, abs(step * self.coordinate_plane.n_nu[self.row.omega] * self.system.scaling.parameters[self.row.omega])
 
     def is_as_high(self, maximum: Correction, size: float) -> bool:
         """Return whether a search ended at a solution that is not lower than one that it began near.  Collective."""
@@ -246,9 +290,12 @@ class _Search:
 
     def slips(self, there: Iterate) -> bool:
         """Return whether a pair does not stick in a motion.  Collective."""
+        return self.corrector.comm.allreduce(int(np.count_nonzero(self.state(there) != STICK))) > 0
+
+    def state(self, there: Iterate) -> np.ndarray:
+        """Return the states of this rank's pairs in a motion.  Collective as :meth:`.HarmonicBalance.under`."""
         equation, at = self.system.equation, self.system.problem.at(there.parameters)
-        state = equation.under(at).contact_forces(there.U, self.system.selected, tangents=False).state
-        return self.corrector.comm.allreduce(int(np.count_nonzero(state != STICK))) > 0
+        return equation.under(at).contact_forces(there.U, self.system.selected, tangents=False).state
 
     def size(self, there: Iterate) -> float:
         """Return the amplitude of the output at a solution, the same on all ranks."""
@@ -318,11 +365,14 @@ class _Search:
     def part_way(self, here: Sample, t: float) -> Sample | None:
         """Return a solution on the way to a coordinate, halved as often as Newton's method needs; None where none is found."""
         for way in (t - here.t) * 0.5 ** np.arange(1, HALVES + 1):
-            ahead = self.moved(here.iterate, way)
-            there = self.at(here.t + way, replace(ahead, U=here.iterate.U + way * here.rate))
+            there = self.at(here.t + way, self.ahead_of(here, way))
             if there is not None:
                 return there
         return None
+
+    def ahead_of(self, here: Sample, way: float) -> Iterate:
+        """Return a place ``way`` further, along the direction of the curve at a solution."""
+        return replace(self.moved(here.iterate, way), U=here.iterate.U + way * here.rate)
 
     def moved(self, there: Iterate, way: float) -> Iterate:
         """Return a place further along the normal."""
@@ -341,8 +391,7 @@ class _Search:
         likely = OVERSHOOT * abs(start.slope) / (start.size or 1.0)
         step = way * (0.5 * min(neighbours) if neighbours else min(max(likely, 1e-3 * REACH), REACH))
         for _ in range(MOST_SOLUTIONS // 2):
-            ahead = self.moved(here.iterate, step)
-            new = self.at(here.t + step, replace(ahead, U=here.iterate.U + step * here.rate))
+            new = self.at(here.t + step, self.ahead_of(here, step))
             if new is None:
                 step *= 0.5
             elif new.slope * way <= 0.0:

@@ -44,6 +44,7 @@ class MaximumByPhase:
 
     output: int
     is_of_output: bool = False  # the phase is that of the output, not that of the pairs' motion
+    has_corners: bool = True  # whether a maximum below a corner of the curve is recorded at the corner
 
     def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate) -> Correction:
         """Return the maximum near a guess, subject to the other row of the system.
@@ -242,7 +243,7 @@ class _Search:
     def with_neighbours(self, solution: Correction, three: _Three) -> Correction:
         """Return the solution at the top with its neighbours, where the curve may have a corner there.  Local."""
         low, _, high = three.solutions
-        return replace(solution, neighbours=(low, high)) if self.bend(three) > SHARP else solution
+        return replace(solution, neighbours=(low, high)) if self.row.has_corners and self.bend(three) > SHARP else solution
 
     def bend(self, three: _Three) -> float:
         """Return the bend of the amplitude over the phase [1/rad2], relative to the amplitude.  Local."""

@@ -30,6 +30,8 @@ from .resonances import FAINT_PEAK
 STUCK = 0.9  # of the level from which the first pair slips at a linear peak: all stick there
 UNDAMPED = 1e-7  # damping ratio of a linear peak below which it is that of no damping: a width found by its samples
 UNBOUNDED = "the peak is infinite while all pairs stick, as nothing damps it: it is not followed; state [damping]"
+BEYOND = 1e-2  # of the last value of a curve that ends early, beyond which the response shows why
+NEAR = 0.25  # of the linear half-power width, within which a maximum there is the same one
 LEAST = 1e-3  # of the level to be reached, at which a peak begins of which some pairs slip or are open at every level
 
 
@@ -152,7 +154,26 @@ def _follow(
         checkpointer=checkpointer,
     )
     branch.level = level
+    if branch.failure is not None and branch.points:
+        branch.failure += beyond_the_end(of, request, stuck, branch.points[-1])
     return branch
+
+
+def beyond_the_end(of: ResponseProblem, request: PeakRequest, stuck: Peak, last: Point) -> str:
+    """Return what the response beyond the ``last`` peak of a curve that ends early shows, for its message.  Collective."""
+    (begin, end), (value, omega) = request.range, last.parameters
+    beyond = float(np.clip(value + BEYOND * abs(value) * np.sign(end - begin), *sorted((value, end))))
+    places = np.array([top.parameters[1] for _, top in tops_at_begin(of, replace(request, range=(beyond, end)))])
+    if not len(places):
+        return ""
+    near, hertz = places[np.argmin(np.abs(places - omega))], 2.0 * np.pi
+    if abs(near - omega) < NEAR * stuck.width:
+        return f"; 1 % beyond, the response has a maximum near by, at {near / hertz:.5g} Hz: begin another range there"
+    at = ", ".join(f"{place / hertz:.5g}" for place in places)
+    return (
+        f"; 1 % beyond, the response has maxima only at {at} Hz: the one followed, last at {omega / hertz:.5g} Hz, "
+        "has met a minimum and exists no longer"
+    )
 
 
 def peak_at_begin(

@@ -194,7 +194,8 @@ def follow_peak(
     branch : ``parameters`` of a point are the number and the frequency [rad/s]; why it ends early is in ``failure``
     """
     begin = with_value(varies, sweep.start, OperatingPoint(0.0, level, damping=damping))
-    row = MaximumByPhase(stuck.output, not turns(equation, stuck, begin))
+    is_lead = is_homotopy and begins is None  # no point of it is recorded
+    row = MaximumByPhase(stuck.output, not turns(equation, stuck, begin), has_corners=not is_lead)
     problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, row, begins, damping)
     steps = STEPS_OF_LEADS if is_homotopy else STEPS_OF_PEAKS
     task = BranchTask(problem, AllPairs(), sweep, steps, tolerance, estimator, accuracy, is_homotopy=is_homotopy)
