@@ -1,6 +1,7 @@
 """microslip.search: from a scene to several solutions, files and messages; on any number of ranks."""
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from oracles import scenes
 from oracles.time_integration import steady_state
 
 import microslip
+from microslip.continuation import point_record
 from microslip.continuation.other_solutions import continued, curve_through, solutions_at
 from microslip.library.prepare import prepare
 from microslip.library.search import FollowedCurve
@@ -28,11 +30,11 @@ COMM = MPI.COMM_WORLD
 def scene(shared_path):
     """Return what writes a scene of a mass before a stop and reads it.  Collective."""
 
-    def write(**changes):
+    def write(accuracy=None, **changes):
         system = scenes.gap_mass() | changes
         for load in system["loads"]:
             load.setdefault("phase", 0.0)
-        solver = {"harmonics": 3, "samples": 64, "points": 12}
+        solver = {"samples": 64, "points": 12} | ({"harmonics": 3} if accuracy is None else {"accuracy": accuracy})
         return microslip.read(on_root(COMM, lambda: write_matrix_scene(shared_path, system, (0.2,), (1.05, 1.4), **solver)))
 
     return write
@@ -51,6 +53,22 @@ def test_three_solutions_of_which_one_is_unstable(scene):
     np.testing.assert_array_equal(stable[1:-2][way < 0.0][1:-1], False)
     assert stable[0] and stable[-1] and np.count_nonzero(~stable) > 2
     structure.close()
+
+
+@pytest.mark.ranks(1)
+def test_a_solution_whose_stability_more_harmonics_change_has_a_note(scene, monkeypatch):
+    """With error bars, of which the motion with more harmonics is a part."""
+    highest = []
+
+    def multipliers_at(equation, at, U):
+        highest.append(equation.harmonics.highest)
+        largest = 1.2 if highest[-1] > min(highest) else 0.99
+        return SimpleNamespace(largest=largest, is_doubtful=True, values=np.full(6, largest + 0j), n_neutral=0)
+
+    monkeypatch.setattr(point_record, "multipliers_at", multipliers_at)
+    with microslip.build(scene(accuracy=0.05), COMM) as structure:
+        (solution,) = microslip.search(structure, 1.06 / (2.0 * np.pi), starts=1).solutions
+    assert point_record.DOUBTFUL in solution.notes
 
 
 def test_one_solution_and_the_files(scene, shared_path):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..error_estimate.estimate import ErrorEstimator
 from ..messages.errors import ConvergenceError
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs
@@ -83,8 +84,9 @@ def solutions_at(of: ResponseProblem, curve: Branch, omega: float, starts: int, 
         problem = problem.with_equation(equation_at(on_curve[0], problem.equation, harmonics))
     workspace = Workspace(problem.equation)
     solver = PointSolver(problem, AllPairs(), Sweep(omega, omega + of.sweep.scale), of.settings.tolerance, workspace)
+    estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
     try:
-        search = _Search(solver, omega, has_stability)
+        search = _Search(solver, omega, has_stability, estimator)
         for point in on_curve:
             search.add(iterate_of(point, problem, solver.harmonics), ON_CURVE)
         for there in over_level(solver, omega):
@@ -92,6 +94,8 @@ def solutions_at(of: ResponseProblem, curve: Branch, omega: float, starts: int, 
         search.deflate(starts, np.random.default_rng(seed))
     finally:
         workspace.destroy()
+        if estimator is not None:
+            estimator.destroy()
     if not search.solutions:
         raise ConvergenceError(f"hb: no solution at {problem.where(omega)} was found: {curve.failure or 'Newton diverges'}")
     comm = problem.equation.comm
@@ -112,8 +116,8 @@ def over_level(solver: PointSolver, omega: float) -> Iterator[Iterate]:
 class _Search:
     """The solutions so far.  Collective on the communicator of the solver."""
 
-    def __init__(self, solver: PointSolver, omega: float, has_stability: bool):
-        self.solver, self.omega, self.has_stability = solver, omega, has_stability
+    def __init__(self, solver: PointSolver, omega: float, has_stability: bool, estimator: ErrorEstimator | None = None):
+        self.solver, self.omega, self.has_stability, self.estimator = solver, omega, has_stability, estimator
         self.solutions: list[Solution] = []
 
     def add(self, guess: Iterate, source: str) -> bool:
@@ -124,11 +128,11 @@ class _Search:
         if solution[0].failure is not None or any(self.is_same(there, known.iterate) for known in self.solutions):
             return False
         try:
-            point, _ = point_record(solver.problem, AllPairs(), solution, requested=True)
+            point, _ = point_record(solver.problem, AllPairs(), solution, requested=True, estimator=self.estimator)
         except Unbalanced:
             return False
         if self.has_stability:
-            point = with_stability(solver.problem, there, point)
+            point = with_stability(solver.problem, there, point, self.estimator)
         self.solutions.append(Solution(point, there, solution[0].residual, source))
         return True
 
