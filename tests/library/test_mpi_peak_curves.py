@@ -291,6 +291,29 @@ def test_the_peak_over_damping_of_one_mass(structure):
     assert curve.amplitude[slips] == pytest.approx([exact.jenkins_peak(0.05, 1.0, of) for of in c[slips]], rel=30.0 / 128**2)
 
 
+def test_the_peak_over_damping_includes_structural_damping(comm, shared_path):
+    """While the mass sticks |a| is the most of level / |2 - omega^2 + i factor (2 zeta sqrt(2) omega + eta)|."""
+    zeta, eta = 0.01, 0.04
+    loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
+    system = scenes.make_system(
+        "one mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=1.0, k_t=1.0, k_n=0.0, zeta=zeta,
+        loads=loads, output=[1.0], omega=(0.5, 2.0), levels={},
+    )  # fmt: skip
+
+    def write():
+        path = write_matrix_scene(shared_path, system, [0.02], (0.5, 2.0), harmonics=1, samples=128, error_bars=False)
+        path.write_text(path.read_text().replace(f"ratio = {zeta}", f"ratio = {zeta}\nstructural = {eta}"))
+        return path
+
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        (curve,) = microslip.peaks(structure, {"damping": (4.0, 0.5)}, level=0.02)
+    omega = 2.0 * np.pi * curve.frequency
+    lost = curve.value * (2.0 * zeta * np.sqrt(2.0) * omega + eta)
+    assert curve.value[-1] == 0.5 and not (curve.points.failure or curve.points.state.any())
+    np.testing.assert_allclose(curve.amplitude, 0.02 / np.hypot(2.0 - omega**2, lost), rtol=1e-9)
+    assert 2.0 * (2.0 - omega**2) * omega == pytest.approx(2.0 * np.sqrt(2.0) * zeta * curve.value * lost, abs=3e-5)
+
+
 @pytest.mark.study
 def test_the_peak_over_the_damping_ratio_of_all_modes(comm, shared_path):
     """Ends at the peaks of a scene with that ratio, error bars included."""

@@ -12,6 +12,7 @@ from microslip.library.prepare import prepare
 from microslip.parallel.agree import on_root
 from microslip.receptance import columns
 from microslip.receptance.columns import ActiveColumns, GroupColumns, ReceptanceColumns, SectorColumns
+from microslip.receptance.damping import Damping
 from microslip.receptance.other_springs import with_springs
 from microslip.receptance.springs import SpringChange
 from microslip.scene.read import read_scene
@@ -68,7 +69,8 @@ def test_transforms_and_columns_have_the_same_products(disc, monkeypatch):
     same(by_sectors.apply_rate(p), dense.apply_rate(p))
     same(by_sectors.apply_rate(p, 0.0, 2.0), dense.apply_rate(p, 0.0, 2.0))
     d_C = random.standard_normal((disc.n_modes, disc.n_modes))
-    same(by_sectors.apply_rate(p, d_C=[d_C + d_C.T]), dense.apply_rate(p, d_C=[d_C + d_C.T]))  # which couples modes
+    rates = [Damping(d_C + d_C.T)]
+    same(by_sectors.apply_rate(p, d_C=rates), dense.apply_rate(p, d_C=rates))  # which couples modes
     same(COMM.allreduce(by_sectors.apply_transposed(x)), COMM.allreduce(dense.apply_transposed(x)))
     same(by_sectors.adjoint().apply(p), dense.adjoint().apply(p))
     chosen = np.arange(0, len(active), 3)

@@ -17,6 +17,7 @@ from ..contact.law import ContactCycle, Law
 from ..fourier.harmonics import Harmonics
 from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
+from ..receptance.damping import Damping
 from ..receptance.motions import linear_motion, linear_motion_rate
 from ..receptance.other_springs import with_springs
 from ..receptance.reduced_model import ReducedModel
@@ -235,8 +236,8 @@ class HarmonicBalance:
         forces = self.spring_rate(parameter)[mine][:, :, None] * V[pairs[mine] - owned.start]
         return self.receptance(at, pairs).apply(self.gather(forces.reshape(-1, self.model.N_H)))
 
-    def of_structure(self, rates: Rates) -> tuple[float, float, list[np.ndarray] | None]:
-        """Return the rates of omega, of sigma and of the damping of each group, (m,) or (m, m); None: it is constant.
+    def of_structure(self, rates: Rates) -> tuple[float, float, list[Damping] | None]:
+        """Return the rates of omega, of sigma and of the damping of each group; None: it is constant.
 
         Local; collective by a stiffness: one gather.
         """
@@ -245,9 +246,9 @@ class HarmonicBalance:
             dK = np.zeros((self.model.n_pairs, 3))
             for parameter, of_value in of_springs:
                 dK[np.sort(parameter.pairs)] += of_value * self.spring_rate(parameter)
-            of_damping = [stated_damping_rate(group.receptance.modes, stated, dK.ravel()) for group in self.model.groups]
+            of_damping = [Damping(stated_damping_rate(group.receptance.modes, stated, dK.ravel())) for group in self.model.groups]
         elif rates.get("damping", 0.0):
-            of_damping = [rates["damping"] * group.receptance.modes.stated(stated) for group in self.model.groups]
+            of_damping = [group.receptance.modes.stated_part(stated, rates["damping"]) for group in self.model.groups]
         return rates.get("omega", 0.0), rates.get("sigma", 0.0), of_damping
 
     def model_at(self, at: OperatingPoint) -> ReducedModel:

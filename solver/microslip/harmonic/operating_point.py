@@ -31,7 +31,7 @@ class OperatingPoint:
     level: float  # N, multiplies the loads
     sigma: float = 0.0  # 1/s, additional damping sigma M; negative where it excites
     law: tuple[tuple[LawParameter, float], ...] = ()  # parameters of the law with values that differ from the equation's law
-    damping: float = 1.0  # -, multiplies the viscous damping that the scene states
+    damping: float = 1.0  # -, multiplies the damping that the scene states
 
     @property
     def text(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from ..fourier.amplitudes import adjoint_times, matrix_times, to_complex, to_real
 from ..parallel.ownership import rows_of
 from ._row_products import answer
-from .damping import Flexibility
+from .damping import Damping, Flexibility
 from .reduced_model import HarmonicGroup, ReducedModel
 from .rows import Rows
 from .static_columns import ChosenColumns
@@ -155,7 +155,7 @@ class ReceptanceColumns:
         return self._joined([group.apply for group in self.groups], p).reshape(self.shape)
 
     def apply_rate(
-        self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Sequence[np.ndarray] | None = None
+        self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Sequence[Damping] | None = None
     ) -> np.ndarray:
         """Return dG p on this rank's pairs, (n_owned, 3, N_H): eq. (5.2).  Local; not for an adjoint.
 

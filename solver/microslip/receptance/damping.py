@@ -89,10 +89,11 @@ class Damping:
         """Return the damping with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""
         return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma), self.S)
 
-    def with_more(self, C: np.ndarray) -> Damping:
-        """Return the damping plus C, (m,) or (m, m) [1/s]."""
+    def with_more(self, C: np.ndarray, factor: float) -> Damping:
+        """Return the damping plus C, (m,) or (m, m) [1/s], with structural damping times a factor."""
         more = np.diag(C) if C.ndim == 1 and self.couples_modes else C
-        return Damping((np.diag(self.C) if more.ndim > self.C.ndim else self.C) + more, self.S)
+        S = None if self.S is None else factor * self.S
+        return Damping((np.diag(self.C) if more.ndim > self.C.ndim else self.C) + more, S)
 
     def conjugated(self) -> Damping:
         """Return the damping of the complex conjugate modes."""
@@ -207,20 +208,18 @@ class DynamicFlexibility(Flexibility):
             # 1 / D - 1 / w2 without cancellation far below the mode
             super().__init__((self.n_omega**2 - resistance - further) / (w2 * self.D))
 
-    def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: np.ndarray | None = None) -> Flexibility:
-        """Return the rate of c_n for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M at sigma = 0, ``d_C`` of C.
+    def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Damping | None = None) -> Flexibility:
+        """Return the rate of c_n for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M at sigma = 0, ``d_C``.
 
-        ``d_C`` is (m,), or (m, m) for any damping; the result is then full.
+        ``d_C`` is that of C and S; where it couples modes the result is full for any damping.
         """
         terms = [self._of_omega * d_omega] if d_omega != 0.0 or (d_sigma == 0.0 and d_C is None) else []
         if d_sigma != 0.0:
-            terms.append(self._of_damping(np.ones(len(self.squares))) * d_sigma)
-        if d_C is not None and d_C.ndim == 1:
+            terms.append(self._of_damping(Damping(np.ones(len(self.squares)))) * d_sigma)
+        if d_C is not None:
             terms.append(self._of_damping(d_C))
-        elif d_C is not None:
-            inverse = self.inverse if self.damping.couples_modes else _full(self.c + 1.0 / self.squares[:, None])
+        if any(term.ndim == 3 for term in terms):
             terms = [term if term.ndim == 3 else _full(term) for term in terms]
-            terms.append(-1j * self.n_omega[:, None, None] * (inverse @ d_C @ inverse))
         return Flexibility(sum(terms[1:], start=terms[0]))
 
     @cached_property
@@ -232,11 +231,16 @@ class DynamicFlexibility(Flexibility):
         dD = -2.0 * (n * n_omega)[:, None, None] * np.eye(len(self.squares)) + 1j * n[:, None, None] * self.damping.C
         return -self.inverse @ dD @ self.inverse
 
-    def _of_damping(self, d_C: np.ndarray) -> np.ndarray:
-        """Return the rate of c_n for the rates (m,) of the diagonal of C, with the shape of c_n."""
-        if not self.damping.couples_modes:
-            return -1j * self.n_omega * d_C[:, None] * (self.c + 1.0 / self.squares[:, None]) ** 2
-        return -1j * self.n_omega[:, None, None] * (self.inverse @ (d_C[:, None] * self.inverse))
+    def _of_damping(self, d: Damping) -> np.ndarray:
+        """Return the rate of c_n for the rates of C and S, with the shape of c_n, or full."""
+        vibrates, S = self.n > 0, np.zeros_like(d.C) if d.S is None else d.S
+        if not (d.couples_modes or self.damping.couples_modes):
+            d_D = self.n_omega * d.C[:, None] + vibrates * S[:, None]
+            return -1j * d_D * (self.c + 1.0 / self.squares[:, None]) ** 2
+        inverse = self.inverse if self.damping.couples_modes else _full(self.c + 1.0 / self.squares[:, None])
+        if not d.couples_modes:
+            return -1j * (inverse @ ((self.n_omega[:, None] * d.C + vibrates[:, None] * S)[:, :, None] * inverse))
+        return -1j * (inverse @ (self.n_omega[:, None, None] * d.C + vibrates[:, None, None] * S) @ inverse)
 
     def whole(self, q: np.ndarray, i: int) -> np.ndarray:
         """Return D_n^-1 q, complex (m, k), for the i-th harmonic: modal amplitudes under modal forces q (m, k)."""

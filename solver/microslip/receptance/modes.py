@@ -61,10 +61,16 @@ class DampedModes:
         """Return the viscous damping that is stated for modes, (m,), or without it the whole C, (m,) or (m, m) [1/s].  Local."""
         return self.damping.C if stated is None else stated.modal(self.omega_n)
 
+    def stated_part(self, stated: StatedDamping | None, factor: float) -> Damping:
+        """Return the stated damping, or C, and S, times a factor.  Local."""
+        return Damping(np.zeros(len(self.omega_n)), self.damping.S).with_more(factor * self.stated(stated), factor)
+
     def with_damping(self, sigma: float, factor: float = 1.0, stated: StatedDamping | None = None) -> DampedModes:
-        """Return the same modes with the stated damping, or C, times a factor, plus sigma M [1/s].  Local."""
+        """Return the same modes with the stated damping, or C, and S times a factor, plus sigma M [1/s].  Local."""
         damping = self.damping.plus(sigma)
-        return replace(self, damping=damping if factor == 1.0 else damping.with_more((factor - 1.0) * self.stated(stated)))
+        return replace(
+            self, damping=damping if factor == 1.0 else damping.with_more((factor - 1.0) * self.stated(stated), factor)
+        )
 
     def conjugated(self) -> DampedModes:
         """Return the modes of the complex conjugate matrices, as their conjugates.  Local."""

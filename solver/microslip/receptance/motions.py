@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..fourier.amplitudes import matrix_times
+from .damping import Damping
 from .reduced_model import ReducedModel
 
 
@@ -38,7 +39,7 @@ def linear_motion_rate(
     omega: float,
     d_omega: float = 1.0,
     d_sigma: float = 0.0,
-    d_C: Sequence[np.ndarray] | None = None,
+    d_C: Sequence[Damping] | None = None,
 ) -> np.ndarray:
     """Return the rate of U_lin, (3 n_owned, N_H), with rates as in :meth:`ReceptanceColumns.apply_rate`.  Local."""
     f, owned = level * model.f, model.owned_rows

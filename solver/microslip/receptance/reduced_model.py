@@ -14,7 +14,7 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..messages.errors import CaseError
-from .damping import DynamicFlexibility, Flexibility, StatedDamping
+from .damping import Damping, DynamicFlexibility, Flexibility, StatedDamping
 from .excitation import Excitation
 from .receptance import Receptance
 from .reduced_structure import ReducedStructure
@@ -87,7 +87,7 @@ class ReducedModel(ReducedStructure):
         return replace(self, f=f, harmonics=harmonics, H_recorded=self.recorded.highest)
 
     def with_damping(self, sigma: float, factor: float = 1.0) -> ReducedModel:
-        """Return the same model with its stated viscous damping times a factor, plus sigma M [1/s].  Local."""
+        """Return the same model with its stated damping times a factor, plus sigma M [1/s].  Local."""
         stated = self.stated_damping
         return replace(self, receptances=self.receptances.mapped(lambda each: each.with_damping(sigma, factor, stated)))
 
@@ -139,7 +139,7 @@ class ReducedModel(ReducedStructure):
         return flexibilities
 
     def flexibility_rates(
-        self, omega: float, d_omega: float, d_sigma: float, d_C: Sequence[np.ndarray] | None = None
+        self, omega: float, d_omega: float, d_sigma: float, d_C: Sequence[Damping] | None = None
     ) -> list[Flexibility]:
         """Return the rates of c_n of each group, see :meth:`DynamicFlexibility.rate`; ``d_C`` has one entry per group."""
         c_n = self.flexibilities(omega)

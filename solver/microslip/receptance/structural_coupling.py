@@ -28,6 +28,12 @@ class StructuralCoupling:
     of_loads: np.ndarray  # (n_loads, m)
     modal: np.ndarray  # (m, m) d^H Z d
 
+    def times(self, factor: float) -> StructuralCoupling:
+        """Return the response to d times a factor.  Local."""
+        return StructuralCoupling(
+            factor * self.of_pairs, factor * self.of_outputs, factor * self.of_loads, factor**2 * self.modal
+        )
+
     def changes(self, group: HarmonicGroup, c: DynamicFlexibility, f: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the magnitude of the changes of cos 1 and then sin 1 of the output rows, (2 n_outputs,) [m].  Local.
 

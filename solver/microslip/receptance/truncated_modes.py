@@ -60,11 +60,12 @@ class TruncatedModes:
     coupling: StructuralCoupling | None  # by structural damping with a joint
 
     def with_damping(self, sigma: float, factor: float = 1.0) -> TruncatedModes:
-        """Return the same modes with their viscous damping times a factor, plus sigma M [1/s].  Local."""
+        """Return the same modes with their damping times a factor, plus sigma M [1/s].  Local."""
         if sigma == 0.0 and factor == 1.0:
             return self
         of, beyond = self.damping, {"alpha": factor * self.damping.alpha + sigma}
-        return replace(self, damping=replace(of, **beyond, ratio=factor * of.ratio, beta=factor * of.beta))
+        beyond |= {"ratio": factor * of.ratio, "beta": factor * of.beta, "loss_factor": factor * of.loss_factor}
+        return replace(self, damping=replace(of, **beyond), coupling=self.coupling and self.coupling.times(factor))
 
     def gains(self, n_omega: np.ndarray) -> np.ndarray:
         """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""

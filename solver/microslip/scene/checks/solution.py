@@ -127,12 +127,10 @@ def over(scene: Scene) -> list[str]:
 
 
 def _of_damping(scene: Scene, key: str) -> list[str]:
-    """Return mistakes: peaks over a damping that is not there, is not viscous, or is not the ratio alone."""
+    """Return mistakes: peaks over a damping that is not there, or is not the ratio alone."""
     stated = {} if scene.damping is None else {name: value for name, value in scene.damping if value}
-    if stated.get("structural"):
-        return ["peaks are followed over viscous damping alone; state [damping] ratio in the place of structural"]
     if key == "damping.ratio" and set(stated) != {"ratio"}:
-        return ["[damping] ratio is not the only damping here; take damping, a factor of all viscous damping"]
+        return ["[damping] ratio is not the only damping here; take damping, a factor of all damping"]
     return []
 
 
