@@ -162,7 +162,8 @@ def _follow(
 def beyond_the_end(of: ResponseProblem, request: PeakRequest, stuck: Peak, last: Point) -> str:
     """Return what the response beyond the ``last`` peak of a curve that ends early shows, for its message.  Collective."""
     (begin, end), (value, omega) = request.range, last.parameters
-    beyond = float(np.clip(value + BEYOND * abs(value) * np.sign(end - begin), *sorted((value, end))))
+    step = BEYOND * abs(value)
+    beyond = min(value + step, end) if end > begin else max(value - step, end)
     places = np.array([top.parameters[1] for _, top in tops_at_begin(of, replace(request, range=(beyond, end)))])
     if not len(places):
         return ""
