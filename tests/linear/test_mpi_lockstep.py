@@ -9,18 +9,21 @@ from greenlet import getcurrent
 from mpi4py import MPI
 
 from microslip.assembly.real_form import real_columns
-from microslip.library.build import assembled
+from microslip.library.build import assembled, build
 from microslip.linear.dense import multiply
 from microslip.linear.lockstep import after_others, at_once, in_lockstep
 from microslip.linear.mumps import MumpsFactor
+from microslip.linear.sector_factor import SectorFactor
 from microslip.messages.errors import ResourceError
 from microslip.modes import eigen, shift_invert
 from microslip.modes.eigen import lowest_modes
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.petsc import free
+from microslip.reduction import choose_modes
+from microslip.reduction.memory_of_modes import memory_of_diameter
 from microslip.scene.read import read_scene
-from microslip.studies.modes.disc import _structures, memory_of_one, modes_by_diameter
+from microslip.studies.modes.disc import _structures, modes_by_diameter
 
 COMM = MPI.COMM_WORLD
 END = "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [1400.0, 1410.0]\npoints = 3\n[solver]\nmodes = 4\n"
@@ -124,6 +127,27 @@ def test_modes_in_lockstep_are_those_of_one_diameter_at_a_time(disc, monkeypatch
 
 
 @pytest.mark.ranks(1, 2, 3)
+def test_a_whole_disc_searches_all_diameters_in_lockstep_with_few_shifts_for_the_proofs(shared_path, monkeypatch):
+    monkeypatch.setattr(eigen, "_DENSE", 0)
+    monkeypatch.setattr(eigen, "SHARE", 1)
+    monkeypatch.setattr(choose_modes, "FEW", 0)
+    monkeypatch.setattr(choose_modes, "_AT_ONCE", 0)
+    together, shifts, solved, count = [], set(), SectorFactor.solved, SectorFactor.count_below
+    counted = lambda self, requests: together.append(len(requests)) or solved(self, requests)  # noqa: E731
+    noted = lambda self, sigma, system: shifts.add(sigma) or count(self, sigma, system)  # noqa: E731
+    monkeypatch.setattr(SectorFactor, "solved", counted)
+    monkeypatch.setattr(SectorFactor, "count_below", noted)
+    end = END.replace("modes = 4", "accuracy = 0.1")
+    path = on_root(COMM, lambda: write_sector(shared_path, 6, end, wave={"engine_order": 1, "whole": True}))
+    whole = build(read_scene(path), COMM)
+    assert max(together) == 4 and len(shifts) < 3
+    for each in whole.tuned:
+        assert each.n_proved >= each.n_modes
+        np.testing.assert_allclose(each.omega_n, lowest_modes(each.linearised, each.n_modes).omega_n, rtol=1e-10)
+    whole.close()
+
+
+@pytest.mark.ranks(1, 2, 3)
 def test_a_step_has_two_products_with_M(disc, monkeypatch):
     """Of the four of SLEPc and of the partners, two are with a multiple of the vector before; with one product for both diameters."""
     structures, steps, products = _structures(disc, [1, 2], RunLog(COMM, screen=False)), [], []
@@ -185,5 +209,5 @@ def test_the_memory_of_a_search_is_that_of_its_space_and_of_its_factor_on_the_fa
     n_dof, n_basis = linearised.maps.n_dof, lowest_modes(linearised, 4).info["basis"]
     n_face = linearised.factor.info["face"]
     of_complex = 16.0 * (n_dof * (n_basis + 1) + n_face * (n_face + 1) // 2)
-    assert memory_of_one(disc.rest.system.sectors, 4, n_dof) == of_complex
+    assert memory_of_diameter(disc.rest.system.sectors, 4, n_dof) == of_complex
     linearised.destroy()

@@ -11,10 +11,12 @@ import numpy as np
 from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
 from ..assembly.real_form import real_columns
+from ..assembly.sectors import Sectors
 from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
 from ..linear.factor import FactorCache
 from ..linear.joint_springs import Linearised, joint_stiffness, linearise
+from ..linear.lockstep import in_lockstep
 from ..linear.soft_modes import SoftModes
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
@@ -31,7 +33,7 @@ from ..parallel.petsc import everyone
 from ..points.band import frequency_band
 from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
-from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
+from ..reduction.memory_of_modes import PICKED, diameters_together, memory_of_diameter, memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
 from ..reduction.mistuning import with_static_shapes
 from ..reduction.stuck import Factored, ModesOf, OnDemand, StuckStructure, static_response
@@ -43,6 +45,7 @@ from ..statics.bolts import BoltsAtRest
 from ..statics.equilibrium import Flexibility
 from ..statics.reference_state import AtRest, ReferenceState, find_rest
 from ..system.memory import gigabytes
+from ..tables.cyclic import Cyclic
 from .complete import read_completed
 from .dropped import free_dropped, free_if_dropped
 from .settings import reduction_settings
@@ -192,6 +195,11 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     CaseError, ResourceError : on every rank
     """
     scene, pairs, settings = parts.scene, parts.rest.pairs, reduction_settings(parts.scene)
+    if scene.statics is not None and scene.statics.coriolis:
+        raise CaseError(
+            f"{scene.path}: [statics] coriolis = true: only `microslip modes` takes Coriolis forces in; for the forced "
+            "response state false, and compare the frequencies of `microslip modes` with and without them"
+        )
     system = with_contact_forces(parts.rest.system, pairs, scene.outputs)
     log.note(f"{system.n_dof} DOF, {counted(pairs.n_pairs, 'contact pair')}")
     refuse_too_many(settings.modes, system.n_dof, scene.path, scene.response.mode)
@@ -248,11 +256,22 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     n = system.sectors.n_sectors
     if 2 * d > n:
         return groups.of_group(n - d).of_conjugate(d)
+    parts, linearised = _factored_at(parts, d, log)
+    with log.stage("modes"):
+        structure, notes = _with_modes(parts, linearised, groups=groups, group=d, conjugate=conjugate_of(d, n))
+    for note in notes:
+        log.note(note)
+    return structure
+
+
+def _factored_at(parts: Assembled, d: int, log: RunLog) -> tuple[Assembled, Linearised]:
+    """Return the parts at a nodal diameter, up to half of the sectors, and the stuck structure, factored.  Collective."""
+    system = parts.rest.system
+    assert system.sectors is not None, "a disc"
     log.note(f"nodal diameter {d}")
     system = system if d == 0 else system.sectors.system(d)
-    return _stuck(
-        replace(parts, rest=replace(parts.rest, system=system)), log, groups=groups, group=d, conjugate=conjugate_of(d, n)
-    )
+    parts = replace(parts, rest=replace(parts.rest, system=system))
+    return parts, factor_of(parts, log)
 
 
 def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
@@ -274,13 +293,7 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
             "stiffness, density and load differ"
         )
 
-    def alike(d: int) -> Structure:
-        wave = cyclic.with_keys(engine_order=d, nodal_diameter=None, wave=None, whole=False)
-        groups = PerGroup(diameters.of_group, wave.diameter, wave.diameters)
-        return of_diameter(replace(parts, scene=scene.with_keys(cyclic=wave)), d, groups, log)
-
-    diameters: PerGroup[Structure] = PerGroup(alike)  # type: ignore[arg-type]  # its groups are whole numbers
-    tuned = [diameters.of_group(d) for d in range(cyclic.sectors // 2 + 1)]
+    diameters, tuned = _alike(parts, cyclic, log)
     wave = cyclic.with_keys(whole=False, sector=(), table=None, scatter=None, blades=None)
     one_sector: PerGroup[StuckStructure] = PerGroup(diameters.of_group, wave.diameter, wave.diameters)
     blades = None if parts.rest.system.sectors is None else parts.rest.system.sectors.blades
@@ -303,36 +316,73 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
     )
 
 
-def _stuck(parts: Assembled, log: RunLog, **of_group: Any) -> Structure:
-    """Return the structure of one group of harmonics.  Collective."""
-    if parts.scene.statics is not None and parts.scene.statics.coriolis:
-        raise CaseError(
-            f"{parts.scene.path}: [statics] coriolis = true: only `microslip modes` takes Coriolis forces in; for the forced "
-            "response state false, and compare the frequencies of `microslip modes` with and without them"
-        )
-    settings, rest, linearised = reduction_settings(parts.scene), parts.rest, factor_of(parts, log)
-    refuse_modes(linearised.K_L, linearised.factor, settings)
+def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> tuple[PerGroup[Structure], list[Structure]]:
+    """Return the structures of a disc of identical sectors, by sector index, and of the diameters 0, 1, ..., N // 2.
+
+    Collective.  The modes of several diameters are computed in lockstep.
+    """
+    N, sectors = cyclic.sectors, parts.rest.system.sectors
+    notes: dict[int, list[str]] = {}
+    waves = [cyclic.with_keys(engine_order=d, nodal_diameter=None, wave=None, whole=False) for d in range(N // 2 + 1)]
+    factored = [_factored_at(replace(parts, scene=parts.scene.with_keys(cyclic=wave)), d, log) for d, wave in enumerate(waves)]
+
+    def alike(d: int) -> Structure:
+        if 2 * d > N:
+            return diameters.of_group(N - d).of_conjugate(d)
+        groups = PerGroup(diameters.of_group, waves[d].diameter, waves[d].diameters)
+        structure, notes[d] = _with_modes(*factored[d], groups=groups, group=d, conjugate=conjugate_of(d, N))
+        return structure
+
+    diameters: PerGroup[Structure] = PerGroup(alike)  # type: ignore[arg-type]  # its groups are whole numbers
+    assert isinstance(sectors, Sectors), "a disc"
+    n_modes = reduction_settings(parts.scene).modes or PICKED
+    together = diameters_together(memory_of_diameter(sectors, n_modes, parts.rest.system.n_dof), log.comm)
+    tuned: list[Structure] = []
+    with log.stage("modes of all nodal diameters"):
+        while len(tuned) <= N // 2:
+            some = range(len(tuned), N // 2 + 1)[:together]
+            tuned += in_lockstep([partial(diameters.of_group, d) for d in some])
+    for d in range(N // 2 + 1):
+        for note in notes[d]:
+            log.note(f"nodal diameter {d}: {note}")
+    return diameters, tuned
+
+
+def _stuck(parts: Assembled, log: RunLog) -> Structure:
+    """Return the structure of all harmonics.  Collective."""
+    linearised = factor_of(parts, log)
     with log.stage("modes"):
-        structure = Structure.of(
-            linearised,
-            rest.pairs,
-            static_response(linearised),
-            mesh=parts.mesh,
-            scene=parts.scene,
-            has_mesh=linearised.maps.dof is not None,
-            numbers=None if parts.mesh is None else parts.mesh.numbers,
-            bolts=rest.bolts,
-            balance=rest.balance,
-            reference=parts.reference,
-            **of_group,
-        )
-        structure, why = choose_modes(structure, settings)
-        if correct_soft_modes(linearised, structure.modes, parts.scene):
-            structure, why = choose_modes(replace(structure, statics=static_response(linearised)), settings)
-    for note in filter(None, (*structure.modes.info.get("messages", ()), why)):
+        structure, notes = _with_modes(parts, linearised)
+    for note in notes:
         log.note(note)
-    free_if_dropped(structure.comm, linearised.factor)
     return structure
+
+
+def _with_modes(parts: Assembled, linearised: Linearised, **of_group: Any) -> tuple[Structure, list[str]]:
+    """Return the structure of one group of harmonics with its static response and its modes, and notes.
+
+    Collective, in lockstep with others.
+    """
+    settings, rest = reduction_settings(parts.scene), parts.rest
+    refuse_modes(linearised.K_L, linearised.factor, settings)
+    structure = Structure.of(
+        linearised,
+        rest.pairs,
+        static_response(linearised),
+        mesh=parts.mesh,
+        scene=parts.scene,
+        has_mesh=linearised.maps.dof is not None,
+        numbers=None if parts.mesh is None else parts.mesh.numbers,
+        bolts=rest.bolts,
+        balance=rest.balance,
+        reference=parts.reference,
+        **of_group,
+    )
+    structure, why = choose_modes(structure, settings)
+    if correct_soft_modes(linearised, structure.modes, parts.scene):
+        structure, why = choose_modes(replace(structure, statics=static_response(linearised)), settings)
+    free_if_dropped(structure.comm, linearised.factor)
+    return structure, [*filter(None, (*structure.modes.info.get("messages", ()), why))]
 
 
 def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bool:

@@ -117,14 +117,16 @@ def conjugated(modes: Modes) -> Modes:
 def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
     """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: up to two factorisations.
 
-    If possible, all computed modes except the last are proved at once, as another run may need more of them.
+    If possible, all computed modes except the last are proved at once, as another run may need more of them.  Of a nodal
+    diameter this waits for all others in lockstep, and a shift of another diameter is preferred.
     """
     if modes.info.get("complete", True):
         return True  # all of the spectrum
+    _before_proof(linearised)
     squares = modes.omega_n**2
-    least = find_gap(squares, n_modes)
+    least, shared = find_gap(squares, n_modes), find_gap(squares, n_modes, _shifts(linearised))
     most = max(least, find_gap(squares, len(squares) - 1)) if n_modes < len(squares) else least
-    for n_below, sigma in dict.fromkeys((most, least)):
+    for n_below, sigma in dict.fromkeys((most if shared == least else shared, least)):
         if _count_below(linearised, sigma) == n_below:
             modes.info.update(_proof(n_below, sigma))
             return True

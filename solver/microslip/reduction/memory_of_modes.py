@@ -1,13 +1,22 @@
 """Memory of the modes and of the proof that none is missing, without the factor: forecast, and refused if not available."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
 from petsc4py import PETSc
 
-from ..guards.memory import refuse_beyond
+from ..assembly.sectors import Sectors
+from ..guards.memory import memory_left, refuse_beyond
 from ..linear.analysis import FactorMemory
 from ..linear.dense import entries_owned
 from ..linear.factor import Factor
-from ..modes.shift_invert import basis_size
+from ..modes.shift_invert import basis_of_planes, basis_size
 from .settings import ReductionSettings
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 # bytes per entry of K, of the arrays in memory at the same time; M has a third of the entries
 HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M in PETSc
@@ -15,6 +24,7 @@ ENTERED = 8.0  # one triangle of K_L - sigma M, passed to MUMPS with indices
 MERGED = HELD + ENTERED  # the same while it is assembled from rows of K_L and M
 SHARPENED = 1e8  # bytes of some rows of K_L, copied and in extended precision, for the eigenvalues
 PICKED = 24  # modes assumed if the program chooses their number
+TOGETHER, SHARE = 13, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
 VECTORS = 3  # blocks of the modes' size in addition to the basis of the eigensolver
 
 
@@ -52,3 +62,17 @@ def refuse_modes(K_L: PETSc.Mat, factor: Factor, settings: ReductionSettings) ->
 def of_proof(entries: float, fronts: float) -> float:
     """Return the memory of the proof that no mode is missing: K_L - sigma M as passed to MUMPS, then with its fronts.  Local."""
     return max(MERGED * entries, ENTERED * entries + fronts)
+
+
+def memory_of_diameter(sectors: Sectors, n_modes: int, n_dof: int) -> float:
+    """Return what a nodal diameter has in memory during its search, on all ranks [bytes].  Local.
+
+    The space of the search, in real form, and one triangle on the rows that a face depends on.
+    """
+    n_face = len(np.unique(sectors.unfolding.P[1].indices))
+    return 16.0 * (n_dof * basis_of_planes(n_modes + 1, n_dof) + 0.5 * n_face * (n_face + 1))
+
+
+def diameters_together(of_one: float, comm: MPI.Comm) -> int:
+    """Return the number of nodal diameters whose searches are in memory at once, ``of_one`` [bytes] each.  Collective."""
+    return int(np.clip(SHARE * memory_left(comm) / of_one, 1, TOGETHER))

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 
 from ...assembly.coriolis import Coriolis
 from ...assembly.sectors import Sectors
-from ...guards.memory import memory_left
 from ...library.build import Assembled, factor_in_words
 from ...library.settings import reduction_settings
 from ...linear.joint_springs import Linearised, linearise
@@ -22,11 +21,11 @@ from ...messages.words import counted
 from ...modes.coriolis import Waves
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...modes.limits import refuse_too_many
-from ...modes.shift_invert import basis_of_planes
 from ...observe.log import RunLog
 from ...observe.screen_table import screen_table
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
+from ...reduction.memory_of_modes import diameters_together, memory_of_diameter
 from ...reduction.modal_structure import damped_modes
 from ...reduction.stuck import project_modes
 from ...results.style import BOXED, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, some
@@ -43,7 +42,6 @@ from .report import joint_shares
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
-_TOGETHER, _SHARE = 13, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
 _DISTANCE = 0.025  # distance of two numbers of modes over the height of the picture
 
 
@@ -200,7 +198,7 @@ def modes_by_diameter(
     allows_fewer = scene.solver.modes is None or matrix is not None
     log.note(f"{system.n_dof} DOF, {counted(parts.rest.pairs.n_pairs, 'contact pair')}")
     refuse_too_many(scene.solver.modes, system.n_dof, scene.path)
-    together = _together(memory_of_one(sectors, n, system.n_dof), log)
+    together = diameters_together(memory_of_diameter(sectors, n, system.n_dof), log.comm)
     system.destroy()  # its matrices, and not those of the sectors
     for first in range(0, len(diameters), together):
         some = diameters[first : first + together]
@@ -219,20 +217,6 @@ def modes_by_diameter(
     sectors.destroy()
     if matrix is not None:
         matrix.destroy()
-
-
-def memory_of_one(sectors: Sectors, n_modes: int, n_dof: int) -> float:
-    """Return what a nodal diameter has in memory during its search, on all ranks [bytes].  Local.
-
-    The space of the search, in real form, and one triangle on the rows that a face depends on.
-    """
-    n_face = len(np.unique(sectors.unfolding.P[1].indices))
-    return 16.0 * (n_dof * basis_of_planes(n_modes + 1, n_dof) + 0.5 * n_face * (n_face + 1))
-
-
-def _together(of_one: float, log: RunLog) -> int:
-    """Return the number of nodal diameters whose searches are in memory at once, ``of_one`` [bytes] each.  Collective."""
-    return int(np.clip(_SHARE * memory_left(log.comm) / of_one, 1, _TOGETHER))
 
 
 def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict[int, Linearised]:
