@@ -152,7 +152,8 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None,
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
     free_dropped(comm)
-    return stuck_structure(without_reference(assembled(scene, comm, log), keeps_reference), log)
+    is_whole = scene.cyclic is not None and scene.cyclic.whole
+    return stuck_structure(without_reference(assembled(scene, comm, log, explicit=not is_whole), keeps_reference), log)
 
 
 def rebuilt(scene: Scene, comm: MPI.Comm, log: RunLog, cached: FactorCache | None, modes_of: ModesOf) -> Factored:
@@ -264,12 +265,15 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     return structure
 
 
-def _factored_at(parts: Assembled, d: int, log: RunLog) -> tuple[Assembled, Linearised]:
-    """Return the parts at a nodal diameter, up to half of the sectors, and the stuck structure, factored.  Collective."""
+def _factored_at(parts: Assembled, d: int, log: RunLog, explicit: bool = True) -> tuple[Assembled, Linearised]:
+    """Return the parts at a nodal diameter, up to half of the sectors, and the stuck structure, factored.  Collective.
+
+    K and M of half of the sectors have entries only if ``explicit``.
+    """
     system = parts.rest.system
     assert system.sectors is not None, "a disc"
     log.note(f"nodal diameter {d}")
-    system = system if d == 0 else system.sectors.system(d)
+    system = system if d == 0 else system.sectors.system(d, explicit)
     parts = replace(parts, rest=replace(parts.rest, system=system))
     return parts, factor_of(parts, log)
 
@@ -324,7 +328,10 @@ def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> tuple[PerGroup[Stru
     N, sectors = cyclic.sectors, parts.rest.system.sectors
     notes: dict[int, list[str]] = {}
     waves = [cyclic.with_keys(engine_order=d, nodal_diameter=None, wave=None, whole=False) for d in range(N // 2 + 1)]
-    factored = [_factored_at(replace(parts, scene=parts.scene.with_keys(cyclic=wave)), d, log) for d, wave in enumerate(waves)]
+    factored = [
+        _factored_at(replace(parts, scene=parts.scene.with_keys(cyclic=wave)), d, log, explicit=False)
+        for d, wave in enumerate(waves)
+    ]
 
     def alike(d: int) -> Structure:
         if 2 * d > N:
