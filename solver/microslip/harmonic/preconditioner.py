@@ -38,10 +38,12 @@ class PairsPreconditioner:
     def apply(self, b: np.ndarray) -> np.ndarray:
         """Return B^-1 b, exact or approximate, for this rank's pairs ``active_owned``, (m, 3, N_H).  Collective: one gather."""
         N_H = b.shape[-1]
-        amplitudes = to_complex(self.made_at.equation.gather(b.reshape(-1, N_H)))
-        for n in range(amplitudes.shape[1]):
-            amplitudes[:, n] = self.solve(n, amplitudes[:, n])
+        amplitudes = self.solve_all(to_complex(self.made_at.equation.gather(b.reshape(-1, N_H))))
         return to_real(amplitudes[self.local_rows], N_H).reshape(b.shape)
+
+    def solve_all(self, b: np.ndarray) -> np.ndarray:
+        """Return B_n^-1 b_n, exact or approximate, for all harmonics of the set, complex (n_rows, n_harmonics).  Local."""
+        return np.stack([self.solve(n, b[:, n]) for n in range(b.shape[1])], axis=1)
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
         """Return B_n^-1 b, exact or approximate, for the n-th harmonic of the set, complex (n_rows,).  Local."""

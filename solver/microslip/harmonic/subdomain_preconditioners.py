@@ -44,14 +44,16 @@ class SectorsPreconditioner(PairsPreconditioner):
         sector = at.forces.active // (at.equation.model.n_pairs // at.equation.model.n_sectors)
         of_sectors = [np.flatnonzero(sector == s) for s in np.unique(sector)]
         self.subdomains = [rows_of(part) for part in bisected(at.G, of_sectors, LARGEST_SECTOR)]
-        self.local = [_inverses(at, P, rows) for rows in self.subdomains]  # by sector and harmonic
+        self.local = [np.array([each.of_B for each in _inverses(at, P, rows)]) for rows in self.subdomains]
 
-    def solve(self, n: int, b: np.ndarray) -> np.ndarray:
-        """Return the solution for the right-hand side b of harmonic n."""
-        x = np.empty_like(b)
+    def solve_all(self, b: np.ndarray) -> np.ndarray:
+        """Return the solutions for the right-hand sides b, those of all harmonics of a sector at once."""
+        of_harmonics, x = np.ascontiguousarray(b.T), np.empty_like(b.T, order="C")
         for rows, inverses in zip(self.subdomains, self.local):
-            x[rows] = inverses[n].times(b[rows])
-        return x
+            is_range = rows[-1] - rows[0] == len(rows) - 1  # of a sector that is not bisected: a view
+            places = slice(rows[0], rows[-1] + 1) if is_range else rows
+            x[:, places] = (inverses @ of_harmonics[:, places, None].astype(inverses.dtype))[:, :, 0]
+        return x.T
 
 
 class SubdomainPreconditioner(PairsPreconditioner):
