@@ -145,3 +145,19 @@ def test_duffing_to_1e_7():
     once, twice = (4.0 * fine - coarse) / 3.0, (4.0 * finest - fine) / 3.0
     assert (16.0 * twice - once) / 15.0 == pytest.approx([0.4642564, 0.9820826], abs=1e-7)
     assert np.abs(finest - twice).max() < 0.26 * np.abs(fine - once).max()  # of second order
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("n_within", [7, 8])
+def test_a_slider_that_sticks_from_contact_on(n_within):
+    """The pair is open while 2 cos t > 1; at contact the slider stands where the pair is, at an instant that shifts with du_z."""
+    U = np.zeros((1, 3, 3))
+    U[0, 0, 2], U[0, 2, 1] = 0.5, 2.0
+    law = ElasticCoulomb(*np.ones((4, 1)), np.zeros(1, dtype=bool))
+    contact = contact_variation(law, np.arange(1), U, Harmonics.up_to(1), 128, n_within)
+    p_t = np.zeros((2, 3))  # by a constant change of each component of the motion
+    for step in range(64):
+        motion = contact.by_first[step, 0, 0] + contact.by_last[step, 0, 0]
+        p_t = contact.by_memory[step, 0, 0] @ p_t + motion
+    v_x, v_z = 0.5 * np.cos(np.pi / 3.0), -2.0 * np.sin(np.pi / 3.0)
+    assert p_t == pytest.approx(np.array([[-1.0, 0.0, v_x / v_z], [0.0, -1.0, 0.0]]), abs=1e-4)

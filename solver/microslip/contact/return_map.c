@@ -117,9 +117,10 @@ static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, cons
 }
 
 /* A part of a step, from the time t to t + width, at whose end the i-th pair is at du (3,) [m]: advances p (2,) [N] and its
-   derivatives a by p_t, d0 and d1, eq. (16.2), and adds a to their means, between both ends as linear in time. */
-static void vary_part(const spring_pairs *pairs, index_t i, const double du[3], double t, double width, double p[2],
-                      double a[OF_STEP], double w[2], double *of_step)
+   derivatives a by p_t, d0 and d1, eq. (16.2), and adds a to their means, between both ends as linear in time.  by_touch (2,)
+   [N/m] is the derivative of p_t by the normal motion through the instant at which the pair comes into contact, otherwise 0. */
+static void vary_part(const spring_pairs *pairs, index_t i, const double du[3], const double by_touch[2], double t, double width,
+                      double p[2], double a[OF_STEP], double w[2], double *of_step)
 {
     const double *k = pairs->k_t + 2 * i, end = t + width;
     double now[3], L[9];
@@ -131,6 +132,8 @@ static void vary_part(const spring_pairs *pairs, index_t i, const double du[3], 
         add_means(of_step, a, w);
         p[0] = now[0];
         p[1] = now[1];
+        L[2] += by_touch[0];
+        L[5] += by_touch[1];
         const double D[4] = {k[0] > 0.0 ? 1.0 + L[0] / k[0] : 1.0, k[1] > 0.0 ? L[1] / k[1] : 0.0,
                              k[0] > 0.0 ? L[3] / k[0] : 0.0, k[1] > 0.0 ? 1.0 + L[4] / k[1] : 1.0};
         advance(D, a, 2);
@@ -143,6 +146,27 @@ static void vary_part(const spring_pairs *pairs, index_t i, const double du[3], 
     }
     w[0] += 0.5 * width;
     w[1] += width * (0.5 * t + width / 3.0);
+}
+
+/* The same for a part in which the motion is a straight line from `from` to `to` (3,) [m].  Where the pair comes into contact the
+   part is divided: the slider starts where the pair is at this instant, docs/theory.md after eq. (16.2). */
+static void vary_straight(const spring_pairs *pairs, index_t i, const double from[3], const double to[3], double t, double width,
+                          double p[2], double a[OF_STEP], double w[2], double *of_step)
+{
+    const double none[2] = {0.0, 0.0}, *k = pairs->k_t + 2 * i;
+    const double N = pairs->N0[i] - pairs->k_n[i] * from[2], N_end = pairs->N0[i] - pairs->k_n[i] * to[2];
+    if (N <= 0.0 && N_end > 0.0) {
+        const double x = N / (N - N_end), opened = to[2] - from[2];
+        double touch[3] = {0.0, 0.0, from[2]}, by_touch[2]; /* open as before */
+        for (int d = 0; d < 2; d++) {
+            touch[d] = from[d] + x * (to[d] - from[d]);
+            by_touch[d] = k[d] * (to[d] - from[d]) / opened;
+        }
+        vary_part(pairs, i, touch, by_touch, t, x * width, p, a, w, of_step);
+        t += x * width;
+        width *= 1.0 - x;
+    }
+    vary_part(pairs, i, to, none, t, width, p, a, w, of_step);
 }
 
 /* du (3,) at a share x of the way from the sample before `at` to it: the cubic polynomial through four of n_t samples (n_t, 3). */
@@ -184,7 +208,8 @@ void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_ste
             continue;
         double *of_step = M;
         for (index_t step = 0; step < n_steps; step++, of_step += 3 * OF_STEP) {
-            double a[OF_STEP] = {1.0, 0.0, 0.0, 1.0}, w[2] = {0.0, 0.0}, there[3];
+            double a[OF_STEP] = {1.0, 0.0, 0.0, 1.0}, w[2] = {0.0, 0.0}, from[3], to[3];
+            memcpy(from, samples + 3 * step * n_sub, sizeof from);
             for (index_t j = 1; j <= n_sub; j++) {
                 const index_t at = step * n_sub + j;
                 const index_t end = at < n_t ? at : 0, after = end + 1 < n_t ? end + 1 : 0;
@@ -192,9 +217,11 @@ void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_ste
                 const double width = 1.0 / (double)(n_sub * n_parts);
                 for (index_t part = 1; part <= n_parts; part++) {
                     if (part < n_parts)
-                        between(samples, n_t, at, (double)part / (double)n_parts, there);
-                    const double *du_end = part < n_parts ? there : samples + 3 * end;
-                    vary_part(pairs, i, du_end, width * (double)((j - 1) * n_parts + part - 1), width, p, a, w, of_step);
+                        between(samples, n_t, at, (double)part / (double)n_parts, to);
+                    else
+                        memcpy(to, samples + 3 * end, sizeof to);
+                    vary_straight(pairs, i, from, to, width * (double)((j - 1) * n_parts + part - 1), width, p, a, w, of_step);
+                    memcpy(from, to, sizeof from);
                 }
             }
             add_means(of_step, a, w);
