@@ -46,7 +46,7 @@ RESIDUAL, MOST = 1e-10, 100
 
 def single_bridge(folder: str) -> ModuleType:
     """Return the bridge to MUMPS in single precision, built from that in double."""
-    source = BRIDGE.read_text().split("def repeats")[0]
+    source = BRIDGE.read_text()
     source = re.sub(r"double (?=\*|cntl|rinfo)|double(?=\[)", lambda match: match[0].replace("double", "float"), source)
     Path(folder, "_smumps.pyx").write_text(source.replace("dmumps", "smumps").replace("DMUMPS", "SMUMPS"))
     Path(folder, "setup.py").write_text(
@@ -132,7 +132,7 @@ def main() -> None:
     modes = lowest_modes(linearised, arguments.modes)
     omega_n = modes.omega_n
     K, M = csr(linearised.K_L), csr(linearised.M)
-    order = elimination_order(comm, (K.indptr, K.indices), np.empty(0, dtype=int), True)
+    order = elimination_order(linearised.K_L, np.empty(0, dtype=int), True)
     with tempfile.TemporaryDirectory() as folder:
         libraries: dict[str, tuple[Any, str, type]] = {
             "double": (_mumps, PETSc.__file__, np.float64),

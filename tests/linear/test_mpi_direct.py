@@ -10,9 +10,8 @@ from petsc4py import PETSc
 from scipy.sparse.linalg import spsolve
 
 from microslip.linear import _mumps, direct
-from microslip.linear._mumps import repeats
+from microslip.linear._rows import groups, upper_triangle
 from microslip.linear.factor import Factor
-from microslip.linear.mumps import upper_triangle
 from microslip.linear.ordering import elimination_order
 from microslip.messages.errors import CaseError
 from microslip.modes.inertia import count_below
@@ -28,13 +27,6 @@ def matrix(A=K, empty=None):
     A = distributed(comm, A, split_rows(A.shape[0], comm.size, empty))
     A.setOption(PETSc.Mat.Option.SPD, True)
     return A
-
-
-def own_pattern(A, empty=None):
-    first, last = split_rows(A.shape[0], comm.size, empty)[comm.rank :][:2]
-    own = sp.csr_matrix(A)[first:last]
-    own.sort_indices()
-    return own.indptr.astype(np.int32), own.indices.astype(np.int32)
 
 
 def fill(A, positions):
@@ -54,7 +46,7 @@ def fill(A, positions):
 @pytest.mark.parametrize("last", [np.empty(0, dtype=int), JOINT], ids=["nothing", "joint"])
 def test_an_order_is_one_and_has_the_joint_last(last, empty):
     solid = sp.kron(lattices.lattice_stiffness(SHAPE)[::3, ::3], np.ones((3, 3)), format="csr")
-    order = elimination_order(comm, own_pattern(solid, empty), last)
+    order = elimination_order(matrix(solid, empty), last)
     positions = order.places
     if comm.rank > 0:
         assert len(positions) == len(order.starts) == 0
@@ -71,14 +63,14 @@ def test_an_order_is_one_and_has_the_joint_last(last, empty):
 @pytest.mark.ranks(1)
 def test_the_order_fills_less_than_that_of_the_rows():
     for last, share in ((np.empty(0, dtype=int), 0.75), (JOINT, 0.9)):
-        assert fill(K, elimination_order(comm, own_pattern(K), last).places) < share * fill(K, np.arange(1, N + 1))
+        assert fill(K, elimination_order(matrix(), last).places) < share * fill(K, np.arange(1, N + 1))
 
 
 @pytest.mark.ranks(1)
 def test_a_joint_larger_than_a_front_is_dissected_like_the_rest():
     many = np.arange(N // 2)
-    of_many = elimination_order(comm, own_pattern(K), many)
-    assert np.array_equal(of_many.places, elimination_order(comm, own_pattern(K), np.empty(0, dtype=int)).places)
+    of_many = elimination_order(matrix(), many)
+    assert np.array_equal(of_many.places, elimination_order(matrix(), np.empty(0, dtype=int)).places)
 
 
 @pytest.mark.parametrize("A", [sp.identity(1), sp.identity(7), lattices.chain(2, True)], ids=["one", "diagonal", "two"])
@@ -93,25 +85,27 @@ def test_patterns_with_little_or_nothing_to_order(A):
 
 
 @pytest.mark.ranks(1)
-def test_rows_with_the_pattern_of_the_row_before():
+def test_rows_with_the_pattern_of_the_row_before_are_one_group():
     A = sp.csr_matrix(np.array([[1, 1, 0, 0], [1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 0, 1]], dtype=float))
-    assert repeats(A.indptr, A.indices).tolist() == [False, True, False, False]
-    assert repeats(np.zeros(1, np.int32), np.empty(0, np.int32)).tolist() == []
+    first, counts, columns = groups(matrix(A))
+    assert (first.tolist(), counts.tolist(), columns.tolist()) == ([0, 2, 3], [2, 2, 2], [0, 1, 2, 3, 1, 3])
 
 
-@pytest.mark.ranks(1)
-@pytest.mark.parametrize("first, last", [(0, 9), (3, 9), (4, 4)])
-def test_the_upper_triangle_of_some_rows(first, last):
-    """Each place once; rows may be empty."""
-    A = sp.random(9, 9, 0.4, format="csr", random_state=3)
-    for scale in (np.empty(0), 2.0 ** np.arange(9)):
-        i, j, a = upper_triangle(first, A[first:last].sorted_indices(), scale)
-        S = sp.diags(scale) if len(scale) else sp.identity(9)
-        expected = np.zeros((9, 9))
-        expected[first:last] = np.triu((S @ A @ S).toarray())[first:last]
-        assert i.dtype == j.dtype == np.int32
-        assert np.array_equal(sp.coo_matrix((a, (i - 1, j - 1)), (9, 9)).toarray(), expected)
-        assert len(set(zip(i.tolist(), j.tolist()))) == len(a)
+@pytest.mark.parametrize("scale", [np.empty(0), 2.0 ** (np.arange(N) % 9)], ids=["as it is", "scaled"])
+@pytest.mark.parametrize("sigma", [None, 0.3])
+@pytest.mark.parametrize("empty", [None, 0, 1])
+def test_the_upper_triangle_of_owned_rows(empty, sigma, scale):
+    """Each place once; M has entries where A has none, and the other way round."""
+    mass = sp.csr_matrix(sp.diags([0.01, 0.25, 0.01], [-1, 0, 1], shape=(N, N)))
+    A = matrix(empty=empty)
+    i, j, a = upper_triangle(A, None if sigma is None else matrix(mass, empty), sigma or 0.0, scale)
+    S = sp.diags(scale) if len(scale) else sp.identity(N)
+    first, end = A.getOwnershipRange()
+    expected = np.zeros((N, N))
+    expected[first:end] = np.triu((S @ (K - (sigma or 0.0) * mass) @ S).toarray())[first:end]
+    assert i.dtype == j.dtype == np.int32
+    assert np.array_equal(sp.coo_matrix((a, (i - 1, j - 1)), (N, N)).toarray(), expected)
+    assert len(set(zip(i.tolist(), j.tolist()))) == len(a)
 
 
 @pytest.mark.parametrize("empty", [None, 0, 1])

@@ -3,8 +3,6 @@
 
 import ctypes
 
-import numpy as np
-
 from libc.string cimport memcpy
 
 ctypedef int *integers
@@ -173,19 +171,3 @@ cdef class Instance:
         self.c.id.irn = self.c.id.jcn = self.c.id.irn_loc = self.c.id.jcn_loc = NULL
         self.c.id.irhs_loc = self.c.id.irhs_ptr = self.c.id.irhs_sparse = self.c.id.isol_loc = NULL
         self.c.id.a = self.c.id.a_loc = self.c.id.rhs = self.c.id.rhs_loc = self.c.id.rhs_sparse = self.c.id.sol_loc = NULL
-
-
-def repeats(const int[::1] starts, const int[::1] columns):
-    """Return whether each row has the pattern of the row before it, (n,) bool; rows as of a sparse matrix."""
-    cdef Py_ssize_t n = starts.shape[0] - 1, row, k, length
-    result = np.zeros(n, bool)
-    cdef unsigned char[::1] is_same = result.view(np.uint8)
-    for row in range(1, n):
-        length = starts[row + 1] - starts[row]
-        if length == starts[row] - starts[row - 1]:
-            is_same[row] = 1
-            for k in range(starts[row], starts[row + 1]):
-                if columns[k] != columns[k - length]:
-                    is_same[row] = 0
-                    break
-    return result

@@ -17,11 +17,12 @@ from ..parallel.agree import on_each
 from ..system.memory import gigabytes, give_back
 from ..system.signals import is_stopping
 from ..system.watchdog import patient
+from ._rows import upper_triangle
 from .analysis import count, factor_memory
 from .bridge import VARIABLE, within_int32
 from .dense import diagonal_owned
 from .inverse_entries import inverse_entries
-from .ordering import Elimination, Order, Rows, elimination_order, last_of_all
+from .ordering import Elimination, Order, elimination_order, last_of_all
 from .out_of_core import disks, room_on_disk, usual_folder, write_to_disk
 from .to_owners import ToOwners
 
@@ -289,13 +290,12 @@ def analysed(
     try:
         _set_controls(mumps, comm.size, prefix, is_inertia=shift is not None)
         scale = np.empty(0) if shift is None else _units(A)
-        pattern, entries = on_each(comm, _handed_over, A, shift, scale, what)
+        entries = on_each(comm, _handed_over, A, shift, scale, what)
         if mumps.icntl(7) != _GIVEN:
             order = None
         elif order is None:
             last = elimination.last if schur is None else schur
-            order = elimination_order(comm, pattern, np.empty(0, dtype=int) if last is None else last, schur is None)
-        del pattern
+            order = elimination_order(A, np.empty(0, dtype=int) if last is None else last, schur is None)
         if schur is not None:
             order = None if order is None else last_of_all(order, schur)
             S: np.ndarray = np.zeros((len(schur) * (comm.rank == 0),) * 2, order="F")
@@ -356,57 +356,19 @@ def _units(A: PETSc.Mat) -> np.ndarray:
     return np.exp2(-np.round(0.5 * np.log2(np.where(diagonal > 0.0, diagonal, 1.0))))
 
 
-def _handed_over(A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, scale: np.ndarray, what: str) -> tuple[Rows, Any]:
-    """Return the pattern of this rank's rows of A, and rows, columns and values of its upper triangle, or of A - sigma M's.
+def _handed_over(
+    A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, scale: np.ndarray, what: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows, columns and values of the upper triangle of this rank's rows of A, or of A - sigma M.
 
     Local.  The values are scaled by rows and columns, ``scale`` (n_dof,), if it is not empty.
     """
+    within_int32(A.getSize()[0], "unknowns")
+    sigma, M = shift or (0.0, None)
     try:
-        owned = _owned_rows(A)
-        pattern = owned.indptr, owned.indices
-        if shift is not None:
-            owned = _minus(owned, shift[0], _owned_rows(shift[1]))
-        return pattern, upper_triangle(A.getOwnershipRange()[0], owned, scale)
+        return upper_triangle(A, M, sigma, scale)
     except MemoryError as error:
         raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
-
-
-def _minus(A: sp.csr_matrix, sigma: float, M: sp.csr_matrix) -> sp.csr_matrix:
-    """Return A - sigma M; both are overwritten.  Local.  Where their patterns are equal, without memory for a third matrix."""
-    M.data *= sigma
-    if not np.array_equal(A.indptr, M.indptr) or not np.array_equal(A.indices, M.indices):
-        return A - M
-    A.data -= M.data
-    return A
-
-
-def upper_triangle(first: int, A: sp.csr_matrix, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows and columns, from 1, and values of S A S on and above the diagonal, of rows of A that begin with ``first``.
-
-    Local.  ``scale`` is the diagonal of S, of all rows; empty: 1.
-    """
-    rows = np.repeat(np.arange(first, first + A.shape[0], dtype=np.int32), np.diff(A.indptr))
-    is_above = A.indices >= rows
-    rows, columns, values = rows[is_above], A.indices[is_above], A.data[is_above]
-    if len(scale):
-        values *= scale[rows]
-        values *= scale[columns]
-    rows += 1
-    columns += 1
-    return rows, columns, values
-
-
-def _owned_rows(A: PETSc.Mat) -> sp.csr_matrix:
-    """Return this rank's rows, (n_owned, n_dof), columns rising.  Local.
-
-    Raises
-    ------
-    ResourceError : they are too many for MUMPS' integers
-    """
-    n = within_int32(A.getSize()[0], "unknowns")
-    starts, columns, values = A.getValuesCSR()
-    within_int32(int(starts[-1]), "entries of a matrix on one rank")
-    return sp.csr_matrix((values, columns, starts), (len(starts) - 1, n))  # integers of 32 bits
 
 
 def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float]) -> dict[str, Any]:

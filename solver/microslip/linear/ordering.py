@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from mpi4py import MPI
+from petsc4py import PETSc
 
 from ..parallel.agree import on_root
 from ..parallel.metis import nested_dissection
+from ._rows import groups
 from .bridge import within_int32
-
-Rows = tuple[np.ndarray, np.ndarray]  # (n_owned + 1,) starts and columns, rising, of a rank's rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,18 +31,18 @@ class Elimination:
     order: Order | None = None  # the whole order, from a factor of a matrix with the same pattern
 
 
-def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray, is_bounded: bool = True) -> Order:
-    """Return the order of elimination.
+def elimination_order(A: PETSc.Mat, last: np.ndarray, is_bounded: bool = True) -> Order:
+    """Return the order of elimination of a symmetric matrix.
 
-    Collective on ``comm``: one gather of a third of the pattern.
+    Collective on A's communicator: one gather of a third of the pattern.
 
     Parameters
     ----------
-    rows : pattern of this rank's rows of a symmetric matrix
     last : (m,) global rows that come after all others, unless they are so many that the front of them would be larger than
         those of a solid, n^(2/3), and ``is_bounded``
     """
-    gathered = comm.gather((len(rows[0]) - 1, *_groups(*rows)))
+    comm = A.comm.tompi4py()
+    gathered = comm.gather((A.getLocalSize()[0], *groups(A)))
 
     def order() -> Order:
         assert gathered is not None, "rank 0 has it"
@@ -76,15 +75,6 @@ def last_of_all(order: Order, rows: np.ndarray) -> Order:
     places = np.empty(n, dtype=np.int32)
     places[np.concatenate([sequence[~is_last[sequence]], rows])] = np.arange(1, n + 1)
     return Order(places, np.empty(0, dtype=np.int32))
-
-
-def _groups(starts: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the first rows of groups that follow each other and have one pattern, and counts and columns of these.  Local."""
-    from ._mumps import repeats
-
-    is_first, counts = ~repeats(starts, columns), np.diff(starts)
-    distinct = columns[np.repeat(is_first, counts)]
-    return np.flatnonzero(is_first), counts[is_first], distinct
 
 
 def _graph_of_groups(group: np.ndarray, lengths: np.ndarray, columns: np.ndarray) -> sp.csr_matrix:

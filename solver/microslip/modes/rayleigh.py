@@ -15,10 +15,10 @@ import scipy.linalg
 from petsc4py import PETSc
 
 from ..assembly.real_form import complex_columns, real_columns
+from ..linear._rows import energies
 from ..linear.dense import gram, multiply, wave_matrix
 from ..linear.lockstep import at_once
 from ..parallel.ownership import summed
-from ._energies import energies
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
@@ -109,7 +109,7 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
     added = wave.of_added(Z_owned)
     if added is not None:
         B, X = added
-        eigenvalues[noisy] += _energies(B.indptr, B.indices, B.data, X, X)
+        eigenvalues[noisy] += np.sum(X * (B.astype(np.longdouble) @ X), axis=0)
     return eigenvalues
 
 
@@ -119,17 +119,6 @@ def _energies_of_all(requests: Sequence[tuple[PETSc.Mat, np.ndarray]]) -> list[n
     Collective.  All requests have the same A.
     """
     A, X_owned = requests[0][0], np.hstack([X_owned for _, X_owned in requests])
-    comm, (starts, columns, values) = A.comm.tompi4py(), A.getValuesCSR()
-    of_rows = _energies(starts, columns, values, X_owned, np.concatenate(comm.allgather(X_owned)))
+    comm, X_owned = A.comm.tompi4py(), np.ascontiguousarray(X_owned)
+    of_rows = energies(A, X_owned, np.concatenate(comm.allgather(X_owned)))
     return np.split(np.sum(comm.allgather(of_rows), axis=0), np.cumsum([X_owned.shape[1] for _, X_owned in requests[:-1]]))
-
-
-def _energies(starts: np.ndarray, columns: np.ndarray, values: np.ndarray, X_rows: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the part of some rows of A in x^T A x for every column of X (n_dof, m), (m,), in extended precision.  Local."""
-    return energies(
-        starts.astype(np.int32, copy=False),
-        columns.astype(np.int32, copy=False),
-        values,
-        np.ascontiguousarray(X_rows),
-        np.ascontiguousarray(X),
-    )
