@@ -171,7 +171,7 @@ def spoilt(**changes):
         (spoilt(M=np.zeros((3, 3))), "zero on the whole diagonal; without any mass nothing vibrates"),
         (
             spoilt(M=[[1.0, 0.1, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-            r"mass of DOF 1 is 0, yet mass couples it to others \(1 DOFs",
+            r"mass of DOF 1 is 0, yet mass couples it to others \(1 DOF of",
         ),
         (spoilt(M=[[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "the mass matrix is indefinite"),
         (with_damping(spoilt(M=np.diag([1.0, 0.0, 0.0])), np.eye(3)), r"mass of DOF 1 is 0, yet damping acts on it \(2 DOFs"),

@@ -104,7 +104,7 @@ JOINTS = [
     Case(
         "joint on the faces of sectors",
         RUN,
-        ("1 faces of 'low0' are faces of 'low0' of joint 'cut'", "the sectors are one body"),
+        ("1 face of 'low0' is also of 'low0' of joint 'cut'", "the sectors are one body"),
         appended("disc.toml", f'[[joints]]\nname = "cut"\nsurfaces = ["high0", "low0"]\nnext_sector = true\n{LAWS}'),
     ),
     Case(

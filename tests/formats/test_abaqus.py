@@ -388,7 +388,7 @@ def test_masses_and_springs_of_the_assembly_are_at_nodes_of_instances(tmp_path):
     assert [model.groups[name].nodes.tolist() for name in spring.groups] == [[places["one.3"]], [places["two.8"]]]
     with pytest.raises(MeshError, match=r"\*ELEMENT names 'two.base', which holds 4 nodes where one is expected"):
         read(tmp_path, PART + TWO.replace("*END ASSEMBLY", more.replace("two.7", "two.base") + "*END ASSEMBLY"))
-    with pytest.raises(MeshError, match="expected a number and 1 nodes"):
+    with pytest.raises(MeshError, match="expected a number and 1 node"):
         read(tmp_path, PART + TWO.replace("*END ASSEMBLY", more.replace("1, two.7", "two.7") + "*END ASSEMBLY"))
 
 
@@ -695,7 +695,7 @@ BAD = {
     "filled unevenly": (CUBE + "*NFILL, BIAS=2\n", "line 12: .NFILL, BIAS is not followed here; write the nodes out"),
     "filled between unlike sets": (
         CUBE + "*NSET, NSET=A\n1\n*NSET, NSET=B\n2, 3\n*NFILL\nA, B, 4, 10\n",
-        "line 17: .NFILL: A has 1 nodes and B 2, to be joined by 4 intervals",
+        "line 17: .NFILL: A has 1 node and B 2, to be joined by 4 intervals",
     ),
     "rows of an element that is not there": (CUBE + "*ELGEN\n7, 3, 1, 1\n", "line 13: .ELGEN: element 7 is not defined before"),
     "endless rows": (CUBE + "*ELGEN\n1, 300000, 1, 1, 300000, 1, 1, 300000\n", "line 13: .ELGEN: rows of .* elements"),

@@ -143,7 +143,7 @@ def test_axes_that_are_not_followed_are_found(tmp_path, axes):
         (ORTHO, "*ORIENTATION, NAME=FIBRES\n1., 0., 0., 2., 0., 0.\n", "lie on one line"),
         (ORTHO, "*ORIENTATION, NAME=FIBRES\n1., 0., 0., 0., 1., 0.\n4, 10.\n", "about axis 4"),
         (ORTHO, "*ORIENTATION, NAME=FIBRES, SYSTEM=CYLINDRICAL\n1., 0., 0., 1., 0., 0.\n", "coincide"),
-        (ORTHO.replace("\n66.", ""), AXES, "1 lines where sets of 2 are expected"),
+        (ORTHO.replace("\n66.", ""), AXES, "1 line where sets of 2 are expected"),
     ],
 )
 def test_what_is_damaged_is_one_message(tmp_path, elastic, axes, says):

@@ -88,7 +88,7 @@ def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_bloc
         name: len(group.nodes) for name, group in expected.groups.items()
     }
     listing.write_text("".join([page, *lines[:20]]))
-    with pytest.raises(MeshError, match=r"\(1 page headers of a listing are left out, lines are counted without them\)"):
+    with pytest.raises(MeshError, match=r"\(1 page header of a listing is left out, lines are counted without them\)"):
         read_model(listing)
 
 

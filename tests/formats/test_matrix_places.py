@@ -86,7 +86,7 @@ def test_a_mistake_gives_one_message(tmp_path, file, old, new, said):
 @pytest.mark.parametrize(
     "table, said",
     [
-        ("node,direction\n1,1\n", "dofs.csv: [model] dofs has 1 rows, and the matrix has 36"),
+        ("node,direction\n1,1\n", "dofs.csv: [model] dofs has 1 row, and the matrix has 36"),
         ("node,direction\n1,7\n", "dofs.csv, line 2: a node number and a direction from 1 (x) to 6"),
         ("node,axis\n1,1\n", "direction is missing"),
     ],

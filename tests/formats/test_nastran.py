@@ -338,13 +338,11 @@ def test_supports_in_turned_axes_are_not_left_out_in_silence(tmp_path):
     more = ("GRDSET,,,,,,7", "CORD2R,7,,0.,0.,0.,0.,1.,0.", ",0.,0.,1.", "SPC1,1,1,102")
     model = read_model(written(tmp_path, plain(), *more))
     assert model.equations.n_supports == 1
-    with pytest.raises(
-        CaseError, match='1 supports of model.bdf are in turned axes, which makes them equations; add "equations"'
-    ):
+    with pytest.raises(CaseError, match='1 support of model.bdf is in turned axes, which takes equations; add "equations"'):
         complete(scene(tmp_path, take=("materials", "bodies", "supports")), model)
     own = scene(tmp_path).model_dump(exclude_unset=True) | {"supports": ({"group": "SET 3", "fix": ("x", "y", "z")},)}
     replaced = scene_of(own, tmp_path / "s.toml")
-    assert any("1 supports in turned axes of model.bdf are left out" in note for note in complete(replaced, model)[1])
+    assert any("1 support in turned axes of model.bdf is left out" in note for note in complete(replaced, model)[1])
     assert held_by(replaced, model).equations is None and held_by(scene(tmp_path), model).equations.n_supports == 1
 
 

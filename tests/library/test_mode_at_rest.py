@@ -38,12 +38,12 @@ def test_the_frequency_at_rest_of_a_mode_that_counts_with_closed_gaps_is_stated(
     about = ["--set", f"response={{levels=[0.01], points=5, mode={mode}, span=[0.97, 1.02]}}"] if mode else []
     _, checked, _ = program("check", path, *about)
     _, out, _ = program("run", path, *about)  # the mass without support is not solved
-    notes = [line for line in out.splitlines() if "pairs of a gap closed" in line]
+    notes = [line for line in out.splitlines() if "of a gap closed" in line]
     if says is None:
         assert not notes and "of a gap closed" not in checked
         return
     at_rest = f"{np.sqrt(np.linalg.eigvalsh(STIFFNESS)[mode - 1]) / (2.0 * np.pi):.6g} Hz"
-    counts = f"mode = {mode} counts with 1 pairs of a gap closed"
+    counts = f"mode = {mode} counts with 1 pair of a gap closed"
     assert f"WARNING: {counts}; a run states" in checked
     (note,) = notes
     assert note.startswith(says.format(mode=f"[response] {counts}; with them open ", open=at_rest))

@@ -151,7 +151,7 @@ def test_points_without_a_solution_with_twice_the_harmonics_are_stated(structure
     some, none = (replace(mode, checks=checks) for checks in ((*mode.checks[:-1], last), (last,)))
     assert [line for line in in_words(some) if "at 5 points: frequency within" in line]
     (line,) = [line for line in in_words(none) if "twice the harmonics" in line]
-    assert f"no solution at 1 of 1 points, {size[last.point]:.4g} m" in line and "state more harmonics" in line
+    assert f"no solution at 1 of 1 point, {size[last.point]:.4g} m" in line and "state more harmonics" in line
     lifts = replace(none, points=(*mode.points[:-1], replace(mode.points[-1], state=np.array([OPEN]))))
     (line,) = [line for line in in_words(lifts) if "twice the harmonics" in line]
     assert f"pairs open from {size[-1]:.4g} m on" in line and "may have no solution" in line
@@ -379,7 +379,7 @@ def test_a_harmonic_that_meets_another_mode_is_said(structure):
         (one_mass(mu=np.zeros(1)), 1, "no pair has friction"),
         (on_a_stop() | {"N0": np.zeros(1)}, 1, "no pair has friction and a preload, and none a gap"),
         (one_slack(), 2, "all pairs that mode 2 moves are closed without a preload"),
-        (on_a_stop() | {"K": np.diag([2.0, 0.0])}, 1, "1 of 1 pairs are open at rest, and without their springs"),
+        (on_a_stop() | {"K": np.diag([2.0, 0.0])}, 1, "1 of 1 pair is open at rest, and without their springs"),
         (one_mass(loads=[{"vector": [1.0], "harmonic": n, "phase": 0.0} for n in (0, 1)]), 1, "[[loads]] with harmonic = 0"),
     ],
 )

@@ -289,7 +289,7 @@ def test_unsupported_kind_is_named_with_advice(tmp_path):
     path = tmp_path / "hexahedron.vtk"
     points = np.random.default_rng(0).random((27, 3))
     meshio.write(path, meshio.Mesh(points, [("hexahedron27", np.arange(27)[None])], cell_data={"part": [np.array([1])]}))
-    with pytest.raises(MeshError, match=r"holds 1 elements of kind hex27, which is not supported \(supported: tet4"):
+    with pytest.raises(MeshError, match=r"holds 1 element of kind hex27, which is not supported \(supported: tet4"):
         read_mesh(settings({"block": "part=1"}, file=path))
 
 

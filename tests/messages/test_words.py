@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from microslip.messages.words import counted, place
+from microslip.messages.words import counted, place, verb
 
 
 @pytest.mark.parametrize(
@@ -18,3 +18,18 @@ def test_a_point_has_no_rounding_errors_of_zero():
     assert place((1.1e-16, -0.0, -0.025)) == "(0, 0, -0.025)"
     assert place(np.array([1e-9, 0.0, 0.0])) == "(1e-09, 0, 0)"
     assert place((np.inf, 1.0, np.nan)) == "(inf, 1, nan)"
+
+
+@pytest.mark.parametrize(
+    ("n", "plural", "says"),
+    [
+        (1, "are", "is"),
+        (0, "are", "are"),
+        (1, "have", "has"),
+        (1, "were", "was"),
+        (1, "follow", "follows"),
+        (2, "belong", "belong"),
+    ],
+)
+def test_verbs_after_counts(n, plural, says):
+    assert verb(n, plural) == says

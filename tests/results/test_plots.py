@@ -5,12 +5,14 @@ import itertools
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import h5py
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm
 from matplotlib.image import imread
 from synthetic_results import branch, curve, no_pairs, pairs_of, two_flanks, write
 
@@ -264,6 +266,16 @@ def test_energy_of_pairs_without_areas_is_that_of_each_pair(tmp_path, pages):
     nowhere = pairs_of(np.full((7, 3), np.nan), np.tile(np.eye(3), (7, 1, 1)), np.ones(7), ("a",) * 7, ())
     draw_only(joint_plots.draw_energy_map, write(tmp_path, [branch(8.0, nowhere)], nowhere))
     assert "friction loss per cycle [J]" in texts(pages["energy_map.png"])
+
+
+def test_a_scale_of_one_power_of_ten_has_more_than_one_number(pages):
+    """Below two powers of ten the scale may have a single one; multiples of it are then labelled."""
+    page = style.Page(SimpleNamespace(title="title"), "heading", 7.0, 2.0)
+    joint_plots._colour_bar(page, matplotlib.colormaps["inferno_r"], LogNorm(2e-4, 3e-3), "loss")
+    (bar,) = page.figure.axes
+    page.figure.canvas.draw()
+    labels = [label.get_text() for label in bar.get_xticklabels(which="both") if label.get_text()]
+    assert len(labels) >= 3 and "10\u207b\u00b3" in labels
 
 
 def test_pictures_need_no_petsc():

@@ -5,6 +5,7 @@ import numpy as np
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
 from ..messages.errors import MeshError
+from ..messages.words import counted, verb
 from ..tables.structure_tables import StructureTables
 
 _CHUNK = 5000  # elements whose Jacobians are held at a time
@@ -21,7 +22,8 @@ def check_elements(dmesh: DistributedMesh, tables: StructureTables) -> None:
         lowest, number, kind, body = min((det, number, kind, body) for body, kind, number, det in bad)
         first = ", ".join(str(number) for _, _, number, _ in bad[:10]) + (", ..." if len(bad) > 10 else "")
         raise MeshError(
-            f"{tables.model.mesh}: {len(bad)} elements are inverted or collapsed (elements {first}); the worst is "
+            f"{tables.model.mesh}: {counted(len(bad), 'element')} {verb(len(bad), 'are')} inverted or collapsed "
+            f"(elements {first}); the worst is "
             f"{kind} element {number} of body {body!r} with det J = {lowest:.3g} m3, it must be > 0; check the order of its "
             "nodes, and whether mid-side nodes lie far from the middle of their edges"
         )

@@ -6,6 +6,7 @@ import scipy.sparse as sp
 from ..mesh.data import ContactPairs
 from ..mesh.links import Links
 from ..messages.errors import CaseError
+from ..messages.words import counted
 from .maps import next_pair_map, pair_map
 
 FEW = 0.1  # share of a joint's pairs up to which they are the edge of a clamped body, and no warning
@@ -103,7 +104,7 @@ def notes_on_fixed(
             raise CaseError(f"{source}: joint {name!r}: {_refusal(n) if is_plain else _refusal_of_links(n)}")
         if n_fixed:
             warning = "WARNING: " if n_fixed > FEW * n else ""
-            counts = f"{n_fixed} of its {n} pairs"
+            counts = f"{n_fixed} of its {counted(n, 'pair')}"
             share = f"({100 * n_fixed / n:.0f} %); these pairs never slip or separate"
             held = (
                 f"supports fix both sides of {counts}"
@@ -127,7 +128,8 @@ def notes_on_directions(pairs: ContactPairs, is_fixed: np.ndarray) -> tuple[str,
             count = int((which & of_joint).sum())
             if count > FEW * n:
                 notes.append(
-                    f"joint {name!r}: {count} of its {n} pairs cannot {verb}: {_CAUSES} fix their {motion} relative motion"
+                    f"joint {name!r}: {count} of its {counted(n, 'pair')} cannot {verb}: {_CAUSES} fix their {motion} "
+                    "relative motion"
                 )
     return tuple(notes)
 
@@ -140,7 +142,8 @@ def _joints(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:
 
 def _refusal(n: int) -> str:
     return (
-        f"[[supports]] fix both sides of all its {n} pairs, so that none of them can move; a joint needs a free side: take its "
+        f"[[supports]] fix both sides of all its {counted(n, 'pair')}, so that none of them can move; a joint needs a "
+        "free side: take its "
         "surfaces out of the supports (of supports from the model file: state [[supports]] in the scene, they replace those of "
         "the file)"
     )
@@ -148,7 +151,8 @@ def _refusal(n: int) -> str:
 
 def _refusal_of_links(n: int) -> str:
     return (
-        f"the two sides of all its {n} pairs cannot move relative to each other: {_CAUSES} (of the scene or of the model file) "
+        f"the two sides of all its {counted(n, 'pair')} cannot move relative to each other: {_CAUSES} (of the scene or "
+        "of the model file) "
         "hold both sides, or make one follow the other; a joint needs a side that moves: take its surfaces out of them, or leave "
         "the joint out"
     )

@@ -20,6 +20,7 @@ from ..formats.matrices.read import read_matrix
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import join_pairs, pair_contacts
 from ..messages.errors import CaseError, ResourceError
+from ..messages.words import counted
 from ..parallel.ownership import split_evenly
 from ..tables.joint import Joint
 from ..tables.structure_tables import StructureTables
@@ -140,7 +141,7 @@ def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
             loaded = np.flatnonzero((mass == 0.0) & (abs(matrix).sum(axis=1).A1 > 0.0))
             if len(loaded):
                 raise CaseError(
-                    f"{where} of DOF {loaded[0]} is 0, yet {name} ({len(loaded)} DOFs of this sort); a DOF without "
+                    f"{where} of DOF {loaded[0]} is 0, yet {name} ({counted(len(loaded), 'DOF')} of this sort); a DOF without "
                     "mass follows its springs alone: give it a small mass, or remove the entries"
                 )
 
@@ -275,7 +276,9 @@ def _connected(K: sp.csr_matrix) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the connected part of each DOF, and what to call each part.  Local."""
     _, part = scipy.sparse.csgraph.connected_components(K, directed=False)
     _, first, counts = np.unique(part, return_index=True, return_counts=True)
-    return part, tuple(f"DOF {dof}" if n == 1 else f"the part of {n} DOFs with DOF {dof}" for dof, n in zip(first, counts))
+    return part, tuple(
+        f"DOF {dof}" if n == 1 else f"the part of {counted(n, 'DOF')} with DOF {dof}" for dof, n in zip(first, counts)
+    )
 
 
 def _distribute(matrix: sp.csr_matrix | None, comm: MPI.Comm) -> PETSc.Mat:

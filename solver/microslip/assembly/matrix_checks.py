@@ -5,6 +5,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
+from ..messages.words import counted
 from .matrix_places import Places
 
 _MOST_FACTORED = 20_000  # rows of a stiffness that is factored for its inertia, a second or so
@@ -86,7 +87,7 @@ def _of_motions(K: sp.csr_matrix, M: sp.csr_matrix, motions: np.ndarray, names: 
         ratio = forces[rows].max(axis=0) / np.maximum(parts[rows].max(axis=0), np.finfo(float).tiny)
         free = [name for name, value in zip(names, ratio) if value < _RIGID]
         summary = f"{len(free)} of {len(names)} rigid motions strain nothing ({', '.join(free)})" if free else "it is held"
-        where = "" if len(moving) == 1 else f"part of {rows.sum()} rows with {dofs.name_of(int(np.argmax(rows)))}: "
+        where = "" if len(moving) == 1 else f"part of {counted(rows.sum(), 'row')} with {dofs.name_of(int(np.argmax(rows)))}: "
         lines.append(f"stiffness: {where}{summary}")
     if len(moving) > _MOST_PARTS:
         lines.append(f"stiffness: {len(moving) - _MOST_PARTS} further parts")

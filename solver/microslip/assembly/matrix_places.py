@@ -17,6 +17,7 @@ from ..mesh.data import ContactPairs, Mesh
 from ..mesh.locate import find_node
 from ..mesh.nodes_of_matrices import nodes_alone, read_nodes
 from ..messages.errors import CaseError
+from ..messages.words import counted, verb
 from ..tables.structure_tables import StructureTables
 from ..tables.vibration import Load, Output
 from .force_file import forces_on_nodes
@@ -143,7 +144,7 @@ def dofs_of_rows(path: Path | None, given: DofMap | None, n_rows: int, key: str)
             "0, 0 for a row of no node"
         )
     if len(table) != n_rows:
-        raise CaseError(f"{path}: [model] {key} has {len(table)} rows, and the matrix has {n_rows}")
+        raise CaseError(f"{path}: [model] {key} has {counted(len(table), 'row')}, and the matrix has {n_rows}")
     return _once(DofMap(*table.T.astype(np.int64)), str(path))
 
 
@@ -189,7 +190,7 @@ def _mesh(tables: StructureTables, nodes: np.ndarray) -> Mesh:
     if not len(unknown) or mesh.elements:
         return mesh
     no_position = np.full((len(unknown), 3), np.nan)
-    note = f"{len(unknown)} nodes of the matrices have no place, the first is node {unknown[0]}"
+    note = f"{counted(n := len(unknown), 'node')} of the matrices {verb(n, 'have')} no place, the first is node {unknown[0]}"
     return replace(
         mesh, points=np.concatenate([mesh.points, no_position]), numbers=np.concatenate([mesh.numbers, unknown]), notes=(note,)
     )

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..messages.errors import ConvergenceError
+from ..messages.words import counted
 from ..points.branch import NOTHING, Branch, Point
 from .acceptance import accept
 from .accuracy import LEAST_SAMPLES
@@ -175,7 +176,7 @@ def follow_part(
                 points = [point for point in points[:-1] if min(ends) < point.omega < max(ends)]
             take(points)
             if len(branch.points) >= most_points(of.settings.points):
-                branch.failure = f"{len(branch.points)} points without reaching another part"
+                branch.failure = f"{counted(len(branch.points), 'point')} without reaching another part"
         with_facts(branch, task, state)
         return branch
     finally:

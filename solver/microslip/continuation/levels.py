@@ -16,6 +16,7 @@ from ..error_estimate.sensitivities import exact_adjoints
 from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
 from ..messages.errors import CaseError
+from ..messages.words import counted
 from ..points.band import frequency_band
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs, Selection
@@ -125,7 +126,7 @@ def frequency_sweep(settings: ResponseSettings, omega_n: np.ndarray) -> Sweep:
     highest = float(np.max(omega_n, initial=0.0)) / (2 * np.pi)
     if len(omega_n) and low > 10.0 * highest:
         raise CaseError(
-            f"[response] starts at {low:g} Hz, far above the highest of the {len(omega_n)} modes computed, "
+            f"[response] starts at {low:g} Hz, far above the highest of the {counted(len(omega_n), 'mode')} computed, "
             f"{highest:.4g} Hz; check the unit (Hz), or raise [solver] modes"
         )
     outside = [f for f in settings.at if not low <= f <= high]

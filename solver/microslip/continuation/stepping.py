@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ..messages.errors import ConvergenceError
+from ..messages.words import counted
 from .corrector import Correction
 from .iterate import PointState
 from .point_solver import PointSolver, Solution
@@ -117,7 +118,7 @@ def message(solver: PointSolver, parameter: float, solution: Correction, steps: 
     """Return the message of a branch that ends early."""
     advice = "reduce ds_min or ds, or the level" if solver.problem.maximum is None else "the peak is followed no further"
     return (
-        f"hb: no convergence beyond {solver.problem.where(parameter)} after {solution.newton} iterations: "
+        f"hb: no convergence beyond {solver.problem.where(parameter)} after {counted(solution.newton, 'iteration')}: "
         f"{solution.failure or 'the branch turns back'}; the step was halved down to [continuation] "
         f"ds_min = {steps.ds_min:.1e}: {advice}"
     )

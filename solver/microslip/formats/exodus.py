@@ -11,6 +11,7 @@ import numpy as np
 import scipy.io
 
 from ..messages.errors import MeshError
+from ..messages.words import counted
 from ..system.sandbox import LibraryError, SandboxError, read_file
 from .draft import face_of
 from .hdf5 import MOST_GAIN, Storage
@@ -170,7 +171,7 @@ def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Grou
         nodes = _array(block).astype(np.int64) - 1
         cells.append(Cells(kind, nodes[:, _ORDER[kind]] if kind in _ORDER else nodes, elements_[first : first + n]))
         if kind not in KINDS:
-            effect = f"{n} elements of a kind that is not a solid here"
+            effect = f"{counted(n, 'element')} of a kind that is not a solid here"
             findings.append(Finding(word=word or "elements", where=f"block {name!r}", effect=effect, changes=True))
         groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(n))
         first += n

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..messages.errors import CaseError
-from ..messages.words import hint, listed
+from ..messages.words import counted, hint, listed
 from .csv_table import numbered_rows
 from .measured_files import functions, variables
 
@@ -96,7 +96,7 @@ def _within(rows: Measured, frequencies: tuple[float, float] | None, path: Path,
         where = f", line {lines[outside[0]]}" if lines else f", value {outside[0] + 1}"
         raise CaseError(
             f"{path}{where}: {rows.frequency[outside[0]]:g} Hz lies outside [response] frequencies, {low:g} to {high:g} Hz "
-            f"({len(outside)} of {rows.n} rows); widen these or leave the rows out"
+            f"({len(outside)} of {counted(rows.n, 'row')}); widen these or leave the rows out"
         )
     return rows
 
@@ -166,7 +166,7 @@ def _checked(measured: Measured, where: str, levels: Sequence[float], unit: str)
         raise CaseError(f"{where}: there is neither an amplitude nor a phase; {_expected(unit)}")
     if (missing := np.isnan(measured.level)).any():
         if len(levels) != 1:
-            raise CaseError(f"{where}: the scene has {len(levels)} levels, and no column level_N states that of a row")
+            raise CaseError(f"{where}: the scene has {counted(len(levels), 'level')}, and no column level_N states that of a row")
         measured = replace(measured, level=np.where(missing, levels[0], measured.level))
     for name, values in (("level", measured.level), ("amplitude", measured.amplitude), ("sigma", measured.deviation)):
         if (values <= 0.0).any():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..messages.errors import CaseError
-from ..messages.words import hint, listed
+from ..messages.words import counted, hint, listed
 from ..system.files import refuse_devices
 from ..system.sandbox import LibraryError, SandboxError, read_file
 
@@ -128,7 +128,7 @@ def _in_SI(
         level = float(levels[0])
     else:
         raise CaseError(
-            f"{where}: the scene has {len(levels)} levels, and no Z-axis value (data type 13) states its level; "
+            f"{where}: the scene has {counted(len(levels), 'level')}, and no Z-axis value (data type 13) states its level; "
             "keep one level in the scene"
         )
     return H * of_level / of_unit.get(unit, float(factors["length"])), level

@@ -10,7 +10,7 @@ from itertools import islice
 import numpy as np
 
 from ..messages.errors import CaseError, MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..system.memory import bounded_by_machine, gigabytes
 from .model import FileModel
 from .via_meshio import FORMATS
@@ -117,7 +117,7 @@ def _check_points(file: FileModel) -> None:
     bad = np.flatnonzero(~np.isfinite(file.points).all(axis=1))
     if len(bad):
         raise MeshError(
-            f"{len(bad)} of {len(file.points)} nodes have a coordinate that is not a finite number, "
+            f"{len(bad)} of {counted(len(file.points), 'node')} have a coordinate that is not a finite number, "
             f"the first is node {file.numbers[bad[0]]} at {place(file.points[bad[0]])}"
         )
     for cells in file.cells:

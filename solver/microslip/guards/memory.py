@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 from ..messages.errors import ResourceError
+from ..messages.words import counted
 from ..system.memory import Limit, gigabytes, give_back, limits_here, resident_memory
 
 
@@ -24,7 +25,7 @@ class Shortage:
     available: float  # bytes
 
     def __str__(self) -> str:
-        who = "one rank needs" if self.n_ranks == 1 else f"its {self.n_ranks} ranks need"
+        who = "one rank needs" if self.n_ranks == 1 else f"its {counted(self.n_ranks, 'rank')} need"
         return f"{who} {gigabytes(self.needed)} more, but of {self.limit} {gigabytes(self.available)} are left"
 
 

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from ..contact.law import ContactCycle, Law
 from ..guards.memory import refuse_beyond
+from ..messages.words import counted
 from ..parallel.agree import on_root
 from ..parallel.ownership import gathered_rows
 from ..receptance.reduced_model import ReducedModel
@@ -73,7 +74,10 @@ def _largest_share(model: ReducedModel, law: Law) -> float:
     if n_rows > _FEW:
         needed = 8.0 * n_rows * (len(owned) + (2 * n_rows if comm.rank == 0 else 0))
         refuse_beyond(
-            comm, needed, f"test for undetermined mean slip of {model.n_pairs} pairs", "use fewer ranks on each machine"
+            comm,
+            needed,
+            f"test for undetermined mean slip of {counted(model.n_pairs, 'pair')}",
+            "use fewer ranks on each machine",
         )
     scaled = columns.columns(owned).T
     scaled *= root_owned

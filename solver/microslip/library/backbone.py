@@ -17,6 +17,7 @@ from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import OperatingPoint
 from ..messages.errors import CaseError
+from ..messages.words import counted
 from ..parallel.agree import on_root
 from ..points.branch import Branch, Point
 from ..points.sweep import Sweep
@@ -336,7 +337,7 @@ def _by_statics(
 
 def _note_on_gaps(n: int) -> list[str]:
     """Return the note on n pairs with a gap, whose springs are left out.  Local."""
-    which = f"{n} pairs have a gap and are" if n > 1 else "1 pair has a gap and is"
+    which = f"{counted(n, 'pair')} have a gap and are" if n > 1 else "1 pair has a gap and is"
     return [f"{which} open at rest: modes are counted without springs there"] * (n > 0)
 
 

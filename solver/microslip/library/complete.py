@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..formats.model import FileModel, Finding
 from ..formats.read import read_model
 from ..messages.errors import CaseError, Faults
-from ..messages.words import counted, hint, listed
+from ..messages.words import counted, hint, listed, verb
 from ..parallel.agree import on_root
 from ..scene.checks.structure import remarks
 from ..scene.read import completed
@@ -102,14 +102,17 @@ def _equations(model: FileModel, scene: Scene, takes_supports: bool) -> list[str
     if "equations" not in scene.model.take:
         if n_held and takes_supports:
             raise CaseError(
-                f"{scene.path}: [model] take: {n_held} supports of {scene.model.mesh} are in turned axes, which makes them "
+                f"{scene.path}: [model] take: {counted(n_held, 'support')} of {scene.model.mesh} {verb(n_held, 'are')} "
+                "in turned axes, which takes "
                 'equations; add "equations", or leave out "supports" and state [[supports]]'
             )
         return []
     n_left = 0 if takes_supports else n_held
     notes = [f"{counted(n - n_left, 'equation')} taken over from {scene.model.mesh}"] if n > n_left else []
     if n_left:
-        notes.append(f"{n_left} supports in turned axes of {scene.model.mesh} are left out, as its others are")
+        notes.append(
+            f"{counted(n_left, 'support')} in turned axes of {scene.model.mesh} {verb(n_left, 'are')} left out, as its others are"
+        )
     return notes
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 
+from ..messages.words import counted
 from ..parallel.agree import on_root
 from ..points.branch import Branch
 from ..system.versions import versions
@@ -48,7 +49,7 @@ def _of_points(branches: Sequence[Branch]) -> str:
     points = [point for branch in branches for point in branch.points]
     solved = [point for point in points if point.newton > 0]
     if not solved:
-        return f"no Newton iteration at {len(points)} points"
+        return f"no Newton iteration at {counted(len(points), 'point')}"
     kinds = ", ".join(sorted({branch.solver for branch in branches if branch.solver}))
     iterations = [sum(getattr(point, name) for point in solved) for name in ("newton", "krylov")]
     return f"{kinds} at {len(solved)} of {len(points)}, {iterations[0]} Newton and {iterations[1]} Krylov iterations"

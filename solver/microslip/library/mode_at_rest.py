@@ -11,6 +11,7 @@ from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.nonlinear_mode import NonlinearMode
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError, ResourceError
+from ..messages.words import counted, verb
 from ..receptance.other_springs import with_springs
 from ..receptance.springs import SpringChange
 from .build import WholeStructure
@@ -43,7 +44,7 @@ def note_on_mode(prepared: Prepared) -> list[str]:
     n = np.count_nonzero(has_springs_across_gap(prepared.pairs))
     if mode is None or n == 0:
         return []
-    note, omega = f"[response] mode = {mode} counts with {n} pairs of a gap closed", np.nan
+    note, omega = f"[response] mode = {mode} counts with {counted(n, 'pair')} of a gap closed", np.nan
     try:
         if not isinstance(prepared.structure, WholeStructure):  # which counts the modes of all nodal diameters together
             omega = pairs_without_springs(prepared)[0].model.receptance_of(1).modes.omega_n[mode - 1]
@@ -75,9 +76,11 @@ def pairs_without_springs(prepared: Prepared) -> tuple[Prepared, int]:
     try:
         assert model.groups, "made here, where an error is one of these springs"
     except ValueError as problem:
+        n = int(has_gap.sum())
         raise CaseError(
-            f"{prepared.scene.path}: backbone: {has_gap.sum()} of {pairs.n_pairs} pairs are open at rest, and without their "
-            "springs the structure has no support, so that no mode of it vibrates about rest; close the gaps, or add supports"
+            f"{prepared.scene.path}: backbone: {n} of {counted(pairs.n_pairs, 'pair')} {verb(n, 'are')} open at rest, "
+            "and without their springs the structure has no support, so that no mode of it vibrates about rest; close "
+            "the gaps, or add supports"
         ) from problem
     structure = replace(prepared.structure, pairs=at_rest)
     return replace(prepared, structure=structure, response=replace(of, model=model, law=law)), int(has_gap.sum())

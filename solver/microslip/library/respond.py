@@ -11,7 +11,7 @@ import numpy as np
 from ..contact.laws import LAWS
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
-from ..messages.words import hint
+from ..messages.words import counted, hint
 from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
 from ..receptance.per_group import PerGroup
@@ -218,7 +218,9 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
                 raise CaseError(f"{where}: there is no such joint{hint(name, names)}")
             numbers = np.asarray(value, dtype=float)
             if numbers.shape not in ((), (len(of_joint),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
-                raise CaseError(f"{where}: a number of at least 0 is expected, or one for each of its {len(of_joint)} pairs")
+                raise CaseError(
+                    f"{where}: a number of at least 0 is expected, or one for each of its {counted(len(of_joint), 'pair')}"
+                )
             _check_law(key, pairs, of_joint, where)
             if key == "preload" and np.any(pairs.N0[of_joint] < 0.0):
                 raise CaseError(f"{where}: it has a gap, and an open pair carries no preload")

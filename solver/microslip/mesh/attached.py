@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..parallel.ownership import rows_of
 from ..tables.structure import Spring
 from ..tables.structure_tables import StructureTables
@@ -140,7 +140,7 @@ def _ends(
     if other:
         for group, nodes in zip(spring.groups, of_groups):
             if len(nodes) != 1:
-                raise MeshError(f"{where} groups: {group!r} holds {len(nodes)} nodes; a spring has one at each end")
+                raise MeshError(f"{where} groups: {group!r} holds {counted(len(nodes), 'node')}; a spring has one at each end")
     ends = np.stack([first, other[0] if other else np.full(len(first), -1)], axis=1)
     if spring.direction is not None:
         direction = np.asarray(spring.direction, dtype=float)

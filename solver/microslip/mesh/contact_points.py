@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.joint import Joint
 from .data import Mesh
 
@@ -60,7 +60,7 @@ def check_opposite(mesh: Mesh, joint: Joint, normals1: np.ndarray, normals2: np.
         node = np.argmin(np.linalg.norm(mesh.points - where, axis=1))
         raise MeshError(
             f"{mesh.path}: joint {joint.name!r}: the sides do not face each other at "
-            f"{np.count_nonzero(tilt > MOST_TILT)} of {len(tilt)} pairs: at node {mesh.numbers[node]}, "
+            f"{np.count_nonzero(tilt > MOST_TILT)} of {counted(len(tilt), 'pair')}: at node {mesh.numbers[node]}, "
             f"{place(where)} m, the outward normals are {tilt.max():.0f} degrees from opposite "
             f"(bound {MOST_TILT:.0f}); do the bodies overlap, or do the two groups cover different faces?"
         )

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from .. import elements
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.constant_loads import Bolt
 from .data import Mesh
 from .plane_cut import is_below
@@ -145,7 +145,7 @@ def _faces_of_cut(mesh: Mesh, group: str, near: _Near, where: str) -> np.ndarray
         member[mesh.node_groups[group]] = True
         in_cut, n_outer = np.array([member[nodes].all() for nodes in near.nodes]) & is_inner, 0
     if n_outer or not in_cut.any():
-        reason = f"{n_outer} of {len(wanted)} faces are not" if n_outer else "it holds no face"
+        reason = f"{n_outer} of {counted(len(wanted), 'face')} are not" if n_outer else "it holds no face"
         raise MeshError(
             f"{where}: {reason} between two elements of the mesh; the cut of a bolt is a group of the inner faces "
             "that cross its shank from side to side, with the same nodes on both sides"

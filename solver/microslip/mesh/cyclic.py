@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from ..messages.errors import MeshError
-from ..messages.words import counted, place
+from ..messages.words import counted, place, verb
 from ..parallel.ownership import rows_of
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
@@ -152,8 +152,9 @@ def _refuse_distant(mesh: Mesh, cyclic: Cyclic, meeting: _Meeting) -> None:
     side = int(worst[1] > worst[0])
     node = meeting.nodes[side][int(np.argmax(meeting.distances[side]))]
     raise MeshError(
-        f"{_where(mesh)}: turned by 360/{cyclic.sectors} degrees about the axis, {n_far[0]} of {len(meeting.nodes[0])} nodes of "
-        f"{cyclic.faces[0]!r} and {n_far[1]} of {len(meeting.nodes[1])} nodes of {cyclic.faces[1]!r} lie farther than "
+        f"{_where(mesh)}: turned by 360/{cyclic.sectors} degrees about the axis, {n_far[0]} of "
+        f"{counted(len(meeting.nodes[0]), 'node')} of "
+        f"{cyclic.faces[0]!r} and {n_far[1]} of {counted(len(meeting.nodes[1]), 'node')} of {cyclic.faces[1]!r} lie farther than "
         f"{tolerance:.3g} m from the other face; the worst is node {mesh.numbers[node]} of {cyclic.faces[side]!r} at "
         f"{place(mesh.points[node])} m, {worst[side]:.3g} m from it{_why(mesh, cyclic)}"
     )
@@ -219,7 +220,8 @@ def check_joints_beside(mesh: Mesh, cyclic: Cyclic, joints: Sequence[Joint]) -> 
                 both = sum(int(is_member[nodes].all(axis=1).sum()) for nodes in outward_faces(mesh, surface).values())
                 if both:
                     raise MeshError(
-                        f"{_where(mesh)}: {both} faces of {group!r} are faces of {surface!r} of joint {joint.name!r}, too: there "
+                        f"{_where(mesh)}: {counted(both, 'face')} of {group!r} {verb(both, 'are')} also of {surface!r} "
+                        f"of joint {joint.name!r}: there "
                         "the sectors are one body, which cannot slip; take them out of one of the two groups (sectors that meet "
                         "in joints alone have no faces)"
                     )
@@ -284,7 +286,8 @@ def _refuse_followers(mesh: Mesh, faces: CyclicFaces, dependent: np.ndarray, wei
     if len(touched):
         node = int(touched[0]) // 3
         raise MeshError(
-            f"{mesh.path}: {len(np.unique(touched // 3))} nodes of the high face of [cyclic] belong to a tie, a point or an "
+            f"{mesh.path}: {counted(len(np.unique(touched // 3)), 'node')} of the high face of [cyclic] belong to a "
+            "tie, a point or an "
             f"equation, the first is node {mesh.numbers[node]} at {place(mesh.points[node])} m; they follow the low face "
             "already: take them out of that group, or merge the nodes there"
         )

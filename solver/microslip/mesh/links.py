@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ..messages.errors import Faults, MeshError
-from ..messages.words import counted, place
+from ..messages.words import counted, place, verb
 from ..tables.structure import Point
 from ..tables.structure_tables import StructureTables
 from .attached import Attached, attach
@@ -232,7 +232,9 @@ def _check_once(mesh: Mesh, followers: Sequence[Follower]) -> None:
         twice = places[first[places] >= 0]
         if len(twice):
             raise MeshError(
-                f"{mesh.path}: {len(twice)} nodes follow two things, {followers[first[twice[0]]].what} and {follower.what}; the "
+                f"{mesh.path}: {counted(len(twice), 'node')} {verb(len(twice), 'follow')} two things, "
+                f"{followers[first[twice[0]]].what} and "
+                f"{follower.what}; the "
                 f"first is node {mesh.numbers[twice[0]]} at {place(mesh.points[twice[0]])} m; swap the surfaces of a tie so that "
                 "its other side follows, or take these nodes out of one group"
             )

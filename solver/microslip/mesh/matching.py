@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, on_nodes
@@ -58,8 +58,8 @@ def _match(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> tuple[n
         side, distance = (first, distance1) if distance1.max() >= distance2.max() else (second, distance2)
         worst = side.nodes[np.argmax(distance)]
         raise NotMatching(
-            f"{mesh.path}: joint {joint.name!r}: {np.count_nonzero(lonely1)} of {len(points1)} nodes of "
-            f"{first.group!r} and {np.count_nonzero(lonely2)} of {len(points2)} nodes of {second.group!r} have no "
+            f"{mesh.path}: joint {joint.name!r}: {np.count_nonzero(lonely1)} of {counted(len(points1), 'node')} of "
+            f"{first.group!r} and {np.count_nonzero(lonely2)} of {counted(len(points2), 'node')} of {second.group!r} have no "
             f"partner within {tolerance:.3g} m; the worst is node {mesh.numbers[worst]} of {side.group!r} at "
             f"{place(mesh.points[worst])} m, {distance.max():.3g} m from the nearest node of the other side; "
             "mesh the two surfaces alike, or state a larger tolerance in the joint"

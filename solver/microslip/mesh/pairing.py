@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
 from ..messages.errors import Faults, MeshError
-from ..messages.words import counted, place
+from ..messages.words import counted, place, verb
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, heaviest
@@ -170,7 +170,8 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
             both = of_first[-1] & of_other[0]  # the same two surfaces in the other order
         if both and first.law == other.law:
             raise MeshError(
-                f"{mesh.path}: {len(both)} faces belong to joint {first.name!r} and to joint {other.name!r}, of "
+                f"{mesh.path}: {counted(len(both), 'face')} {verb(len(both), 'belong')} to joint {first.name!r} and to "
+                f"joint {other.name!r}, of "
                 f"{first.groups[0]!r} and {other.groups[0]!r}: they would touch twice; take them out of one of the two, or "
                 "state one joint"
             )

@@ -9,7 +9,7 @@ import numpy as np
 from ..formats.model import KINDS, Equations, FileModel, Group
 from ..formats.read import read_model
 from ..messages.errors import Faults, MeshError, prefixed
-from ..messages.words import hint
+from ..messages.words import counted, hint, verb
 from ..tables.structure import Body, Model
 from ..tables.structure_tables import StructureTables
 from .data import ElementBlock, FaceBlock, Mesh, Outside
@@ -105,7 +105,7 @@ def _compose(path: str, file: FileModel, tables: StructureTables) -> Mesh:
     outside = _outside(file, tables, used)
     n_left_out = np.count_nonzero(~used) - len(outside)
     if n_left_out:
-        notes.append(f"{n_left_out} nodes that no element of a body uses are left out")
+        notes.append(f"{counted(n_left_out, 'node')} that no element of a body uses {verb(n_left_out, 'are')} left out")
     mesh = Mesh(
         path,
         file.points[used] * float(tables.model.metres),
@@ -166,7 +166,7 @@ def _check_kinds(body: str, group: str, file: FileModel) -> None:
     for kind, n in solids.items():
         if kind not in SOLIDS:
             raise MeshError(
-                f"[bodies.{body}] group = {group!r} holds {n} elements of kind {kind}, which is not supported "
+                f"[bodies.{body}] group = {group!r} holds {counted(n, 'element')} of kind {kind}, which is not supported "
                 f"(supported: {', '.join(SOLIDS)}){_ADVICE.get(kind, '')}"
             )
 

@@ -64,7 +64,8 @@ def _shares_of(mesh: Mesh, point: Point, nodes: np.ndarray) -> np.ndarray:
         return np.full(len(nodes), 1.0 / len(nodes))
     if len(point.weights) != len(nodes):
         raise MeshError(
-            f"{_what(mesh, point)}: weights holds {len(point.weights)} numbers for {len(nodes)} nodes of {point.group!r}"
+            f"{_what(mesh, point)}: weights holds {counted(len(point.weights), 'number')} for "
+            f"{counted(len(nodes), 'node')} of {point.group!r}"
         )
     share = np.empty(len(nodes))
     share[np.argsort(mesh.numbers[nodes])] = point.weights

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import elements
 from ..messages.errors import MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from .data import Mesh
 
 MOST_TURN = 40.0  # degrees between a face and the mean normal of its node, beyond which the node lies on an edge
@@ -113,7 +113,7 @@ def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray
     n_named = sum(len(np.unique(keys, axis=0)) for keys in named.values())
     if n_matched < n_named:
         raise MeshError(
-            f"{mesh.path}: {n_named - n_matched} of {n_named} faces of group {group!r} are not outer faces of a body: "
+            f"{mesh.path}: {n_named - n_matched} of {counted(n_named, 'face')} of group {group!r} are not outer faces of a body: "
             "they lie inside the mesh, where elements share nodes, or on no element; bodies in contact need nodes of "
             "their own"
         )

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..formats.csv_table import read_table
 from ..messages.errors import CaseError, MeshError
+from ..messages.words import counted
 from ..tables.constant_loads import Temperature
 from ..tables.structure_tables import StructureTables
 from .data import Mesh
@@ -44,7 +45,7 @@ def _of_body(mesh: Mesh, stated: Temperature) -> float | np.ndarray:
     missing = nodes[np.isnan(rise[nodes])]
     if len(missing):
         raise MeshError(
-            f"{path}: {where}: {len(missing)} of {len(nodes)} nodes of the body have no row, the first is node "
+            f"{path}: {where}: {len(missing)} of {counted(len(nodes), 'node')} of the body have no row, the first is node "
             f"{mesh.numbers[missing[0]]}"
         )
     return rise

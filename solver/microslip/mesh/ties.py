@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from .. import elements
 from ..messages.errors import Faults, MeshError
-from ..messages.words import place
+from ..messages.words import counted, place
 from ..parallel.ownership import rows_of
 from ..tables.structure import Tie
 from ..tables.structure_tables import StructureTables
@@ -132,7 +132,8 @@ def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, projection: Projection,
         return
     nearest_node = int(np.argmin(projection.distance))
     raise MeshError(
-        f"{mesh.path}: tie {tie.label!r}: {np.count_nonzero(~is_near)} of {len(nodes)} nodes of {tie.surfaces[0]!r} lie farther "
+        f"{mesh.path}: tie {tie.label!r}: {np.count_nonzero(~is_near)} of {counted(len(nodes), 'node')} of "
+        f"{tie.surfaces[0]!r} lie farther "
         f"than {tolerance:.3g} m from the facets of {tie.surfaces[1]!r}; the nearest is node {mesh.numbers[nodes[nearest_node]]} "
         f"at {place(mesh.points[nodes[nearest_node]])} m, {projection.distance[nearest_node]:.3g} m from them; name the surfaces "
         "that touch, or state a larger tolerance"
@@ -153,7 +154,8 @@ def check_joints(mesh: Mesh, tables: StructureTables, ties: Sequence[Follower]) 
                     both = keys & side
                     if both:
                         text = (
-                            f"{mesh.path}: {len(both)} faces of {group!r} of joint {joint.name!r} are faces of {name!r} of tie "
+                            f"{mesh.path}: {counted(len(both), 'face')} of {group!r} of joint {joint.name!r} are faces "
+                            f"of {name!r} of tie "
                             f"{tie.label!r}: tied faces cannot slip; take them out of one of the two groups"
                         )
                         faults.add([MeshError(text)])

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from ..contact.laws import LAWS
 from ..formats.csv_table import read_table
 from ..messages.errors import CaseError, MeshError
-from ..messages.words import hint, place
+from ..messages.words import counted, hint, place
 from ..tables.joint import Joint, OfPoints
 from .contact_points import ContactPoints
 from .data import Mesh
@@ -29,7 +29,8 @@ def field_at_nodes(mesh: Mesh, field: str, nodes: np.ndarray, where: str, what: 
     missing = nodes[np.isnan(mesh.fields[field][nodes])]
     if len(missing):
         raise MeshError(
-            f"{where} = {field!r} has no value at {len(missing)} nodes of {what}, the first is {mesh.numbers[missing[0]]}"
+            f"{where} = {field!r} has no value at {counted(len(missing), 'node')} of {what}, the first is "
+            f"{mesh.numbers[missing[0]]}"
         )
     return mesh.fields[field]
 

@@ -42,6 +42,11 @@ def counted(n: int, noun: str) -> str:
     return f"{n} {noun}" if n == 1 else f"{n} {stem}s"
 
 
+def verb(n: int, plural: str) -> str:
+    """Return the verb after a count: "are" or "is", "have" or "has", "follow" or "follows".  Local."""
+    return plural if n != 1 else {"are": "is", "have": "has", "were": "was"}.get(plural, f"{plural}s")
+
+
 def shortened(text: str, n_letters: int = 400) -> str:
     """Return a text that fits into a message.  Local."""
     return text if len(text) <= n_letters else f"{text[:n_letters]} ..."

@@ -12,6 +12,7 @@ from ..linear.dense import column_norms, gram, multiply
 from ..linear.lockstep import after_others
 from ..linear.sector_factor import DiameterFactor
 from ..messages.errors import CaseError, ConvergenceError
+from ..messages.words import counted
 from .hermitian import complex_modes
 from .inertia import count_below, find_gap
 from .lapack import dense_modes
@@ -156,7 +157,7 @@ def _shifts(linearised: Linearised) -> tuple[float, ...]:
 
 def _proof(n_below: int, sigma: float) -> dict[str, Any]:
     """Return the entries on a proof for the information on the modes."""
-    return {"proof": f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz", "proved": n_below}
+    return {"proof": f"{counted(n_below, 'mode')} below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz", "proved": n_below}
 
 
 def _solve(
@@ -196,8 +197,8 @@ def _solve(
         n_wanted += max(missing, _GUARD)
         search.renew(max(missing, _GUARD))
     raise ConvergenceError(
-        f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
-        "found; state more [solver] modes"
+        f"modes: {counted(n_below, 'mode')} found below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz, where {n_below + missing} lie; "
+        "state more [solver] modes"
     )
 
 

@@ -25,6 +25,7 @@ from ..linear.dense import column_norms, diagonal_owned, gram, multiply, wave_ma
 from ..linear.lockstep import at_once
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
+from ..messages.words import counted
 from ..parallel.ownership import summed
 from ..parallel.petsc import free
 from ..system.watchdog import moved, patient
@@ -423,7 +424,8 @@ def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int, partners: _Part
         messages.append(f"modes: {eps.getConverged()} of {n_wanted} converged in a space of {basis}")
         eps.setDimensions(n_wanted, min(2 * basis, n_most))
     raise ConvergenceError(
-        f"{'; '.join(messages)}: the last after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); ask "
+        f"{'; '.join(messages)}: the last after {counted(eps.getIterationNumber(), 'iteration')} (reason "
+        f"{eps.getConvergedReason()}); ask "
         f"for fewer [solver] modes, or try -{PREFIX}eps_max_it {2 * eps.getTolerances()[1]}"
     )
 

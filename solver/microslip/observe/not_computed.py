@@ -50,7 +50,7 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
     if of.leaves_out == "modes" and solved and of.moves and 0 < len(of.omega_n) < of.n_dof:
         above = f"of modes above {of.omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(of.omega_n)} of {of.n_dof} DOF"
         if of.is_whole_disc:
-            above = f"outside {len(of.omega_n)} shapes (modes; static shapes where blades differ) of {of.n_dof} DOF"
+            above = f"outside {counted(len(of.omega_n), 'shape')} (modes; static shapes where blades differ) of {of.n_dof} DOF"
         lines.append(f"response {above}, beyond their static part: {changes(solved, 'modes')}")
     if _most(solved, "pairs")[0] > 0.0:
         lines.append(f"slip and opening of the pairs that method {of.method} holds stuck: {changes(solved, 'pairs')}")
@@ -71,7 +71,7 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
         lines.append("damping matrix: [damping] states the damping of each mode")
         if of.n_damped > len(of.omega_n):
             lines.append(
-                f"damping of modes {len(of.omega_n) + 1} to {of.n_damped}: {len(of.omega_n)} modes are used, "
+                f"damping of modes {len(of.omega_n) + 1} to {of.n_damped}: {counted(len(of.omega_n), 'mode')} are used, "
                 "the others contribute statically"
             )
     if not of.has_bars:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..messages.errors import CaseError
+from ..messages.words import counted, verb
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +30,9 @@ def frequency_band(band: Band, omega_n: np.ndarray) -> tuple[float, float]:
         return band.frequencies
     assert band.mode is not None and band.span is not None, "a band is stated in one of two ways"
     if band.mode > len(omega_n):
-        raise CaseError(f"[response] mode = {band.mode}, but only {len(omega_n)} modes were computed; raise [solver] modes")
+        raise CaseError(
+            f"[response] mode = {band.mode}, but only {counted(len(omega_n), 'mode')} {verb(len(omega_n), 'were')} "
+            "computed; raise [solver] modes"
+        )
     low, high = (share * omega_n[band.mode - 1] / (2 * np.pi) for share in band.span)
     return float(low), float(high)

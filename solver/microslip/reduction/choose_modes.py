@@ -16,6 +16,10 @@ from .truncation import TruncationBound, truncation_bound
 Stuck = TypeVar("Stuck", bound=StuckStructure)
 _AT_ONCE = 400  # DOFs up to which LAPACK computes all modes at once
 _START, _MOST = 12, 600  # modes of the first and the last batch; each batch has twice as many as the one before
+_WITHOUT_DAMPING = (
+    ": nothing damps a resonance in the range, and its linear peak, to which an accuracy refers, is infinite; "
+    "state [damping], or [solver] modes"
+)
 _EQUAL = 1e-6  # relative difference of equal frequencies, which are used or truncated together
 
 
@@ -111,7 +115,8 @@ def picked(
     n_modes = _first_within(bound.total, omega_n, settings)
     if n_modes is None and is_all:
         n_modes = len(omega_n)
-        return n_modes, f"modes: all {n_modes} there are; leaving any out would cost the accuracy {settings.accuracy:g}"
+        reason = "" if np.isfinite(bound.total[:-1]).all() else _WITHOUT_DAMPING
+        return n_modes, f"modes: all {n_modes} there are; leaving any out would cost the accuracy {settings.accuracy:g}{reason}"
     if n_modes is None and is_last:
         n_modes = _out_of_reach(bound.total, settings)
     return n_modes, _why(n_modes, omega_n, bound, settings.accuracy) if n_modes else ""
@@ -139,6 +144,8 @@ def _out_of_reach(bound: np.ndarray, settings: ReductionSettings) -> int:
 
 def _why(n_modes: int, omega_n: np.ndarray, bound: TruncationBound, accuracy: float) -> str:
     k, hertz = n_modes - 1, omega_n[n_modes] / (2 * np.pi)
+    if not np.isfinite(bound.total[k]):
+        return f"modes: {n_modes}, the largest number that the program chooses{_WITHOUT_DAMPING}"
     is_met = bound.total[k] <= accuracy
     goal = f"picked for accuracy {accuracy:g}" if is_met else f"which misses the default accuracy {accuracy:g}"
     return (

@@ -129,7 +129,7 @@ class BranchFiles:
         points, _ = self._read_points(outcome["n_points"])
         if len(points) < outcome["n_points"]:
             return None
-        self._note(f"  its {len(points)} points are from an earlier run")
+        self._note(f"  its {counted(len(points), 'point')} are from an earlier run")
         return Branch(outcome["level"], points, **{name: outcome[name] for name in _OUTCOME})
 
     def restored(self, task: BranchTask, workspace: Workspace) -> Restored | None:

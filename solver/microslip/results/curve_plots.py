@@ -8,6 +8,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
 from ..fourier.coefficients import amplitude
+from ..messages.words import counted
 from ..points.branch import CLOSES_TO
 from ..points.error_parts import PARTS, total
 from .audit import balance
@@ -109,7 +110,9 @@ def draw_states(results: ResultFile) -> Pages:
         return {}
     handles = [Line2D([], [], color=c, ls=s, lw=1.5, label=n) for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)]
     handles.append(Line2D([], [], color=FAINT, ls=":", lw=1.0, label="peak of the response"))
-    page, axes = _panels(results, f"states of the {results.joint.n_pairs} contact pairs along the curve", levels, handles)
+    page, axes = _panels(
+        results, f"states of the {counted(results.joint.n_pairs, 'contact pair')} along the curve", levels, handles
+    )
     for ax, level in zip(axes, levels):
         for number, colour, style in zip(counts(level.state).T, STATE_COLOURS, STATE_STYLES):
             _curve(ax, level, number, colour, style)
@@ -257,7 +260,7 @@ def _panels(results: ResultFile, heading: str, levels: list[LevelResult], handle
     """Return a page and its axes, one a level; with ``foot`` [in] one more across the page below them."""
     n_rows, n_columns = panels(len(levels))
     if len(levels) < len(results.levels):
-        heading += f"; {len(levels)} of {len(results.levels)} levels"
+        heading += f"; {len(levels)} of {counted(len(results.levels), 'level')}"
     row = 1.75 if n_columns < 3 else 1.5
     heights = [row] * n_rows + ([foot] if foot else [])
     page = Page(results, heading, WIDTH if n_columns > 1 else 4.6, 0.3 + sum(heights), handles)

@@ -12,7 +12,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch as Swatch
-from matplotlib.ticker import NullFormatter
 
 from ..contact.law import STICK
 from ..contact.laws import friction_limit
@@ -346,6 +345,6 @@ def _colour_bar(page: Page, palette, scale, label: str) -> None:
     )
     if isinstance(scale, LogNorm):
         bar.ax.xaxis.set_major_formatter(PowersOfTen())
-        bar.ax.xaxis.set_minor_formatter(NullFormatter())
+        bar.ax.xaxis.set_minor_formatter(PowersOfTen())
     bar.set_label(label, labelpad=1.0)
     bar.outline.set_linewidth(0.4)

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from ..messages.words import counted
 from .measures import counts
 from .record import ResultFile
 from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, Pages, outputs_by_page, plain, with_prefix
@@ -45,7 +46,7 @@ def draw_static_states(results: ResultFile) -> Pages:
         Line2D([], [], color=c, ls=s, lw=1.5, marker="o", ms=3.5, label=n)
         for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)
     ]
-    page = Page(results, f"states of the {results.joint.n_pairs} contact pairs over the load", _WIDTH, 2.4, handles)
+    page = Page(results, f"states of the {counted(results.joint.n_pairs, 'contact pair')} over the load", _WIDTH, 2.4, handles)
     ax = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     for number, colour, style in zip(counts(np.array([level.state[0] for level in levels])).T, STATE_COLOURS, STATE_STYLES):
         ax.plot([level.level for level in levels], number, ls=style, marker="o", ms=3.5, lw=1.5, color=colour)

@@ -21,6 +21,7 @@ from ..guards.memory import refuse_beyond
 from ..linear.joint_springs import Linearised, linearise
 from ..mesh.data import ContactPairs
 from ..messages.errors import ConvergenceError, ResourceError
+from ..messages.words import counted
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
 from ..parallel.ownership import gathered_rows, rows_of, split_evenly, summed
@@ -336,7 +337,8 @@ class Contact:
             trial = sought.at(du)
             if 3 * np.count_nonzero(trial.active) > LARGEST:
                 raise ResourceError(
-                    f"[statics]: {np.count_nonzero(trial.active)} contact pairs open or slip at rest; up to {LARGEST // 3} are "
+                    f"[statics]: {counted(np.count_nonzero(trial.active), 'contact pair')} open or slip at rest; up to "
+                    f"{LARGEST // 3} are "
                     "solved for: a coarser mesh of the contact surfaces, or stiffer contact, has fewer"
                 )
             self.G.require(trial.active)
@@ -413,7 +415,8 @@ class Contact:
         du, pairs = now.du + SHORTEST * loading.rising, self.pairs
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0
         joints = [
-            f"{np.count_nonzero(is_open[of_joint])} of {len(of_joint)} pairs of {name!r}" for name, of_joint in _by_joint(pairs)
+            f"{np.count_nonzero(is_open[of_joint])} of {counted(len(of_joint), 'pair')} of {name!r}"
+            for name, of_joint in _by_joint(pairs)
         ]
         reached = "the very beginning" if fraction < 5e-4 else f"{fraction:.1%}"
         return f"[statics]: no equilibrium beyond {reached} of {loading.name}, where {', '.join(joints)} are open: {free}"

@@ -83,7 +83,7 @@ def in_words(pairs: ContactPairs, rest: Rest, balance: Balance) -> list[str]:
 def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
     """Return a line for each joint: closed pairs, slid pairs, forces."""
     names, limit = np.array(pairs.joint), friction_limit(pairs.laws, pairs.columns, rest.N)
-    lines = [f"rest found in {rest.steps} load steps, {rest.iterations} Newton iterations"]
+    lines = [f"rest found in {counted(rest.steps, 'load step')}, {rest.iterations} Newton iterations"]
     for name in dict.fromkeys(pairs.joint):
         of_joint = names == name
         N, T = rest.N[of_joint], np.hypot(*rest.force[of_joint, :2].T)

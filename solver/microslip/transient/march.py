@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..messages.errors import ConvergenceError
+from ..messages.words import counted
 from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
 from .transient_model import TransientModel
 
@@ -138,7 +139,8 @@ class StepContact:
             return "take more steps a period"
         return (
             f"with all pairs released {n_free} {'motion has' if n_free == 1 else 'motions have'} neither inertia nor stiffness "
-            f"in the reduced model, whose {n_modes} modes leave them out: take more [solver] modes, {n_modes + n_free} at least"
+            f"in the reduced model, whose {counted(n_modes, 'mode')} leave them out: take more [solver] modes, "
+            f"{n_modes + n_free} at least"
         )
 
     def _law(self, du_free: np.ndarray, before: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:

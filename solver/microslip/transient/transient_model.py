@@ -7,6 +7,7 @@ import numpy as np
 from ..contact.law import Law
 from ..fourier.coefficients import synthesise
 from ..guards.memory import refuse_beyond
+from ..messages.words import counted
 from ..parallel.ownership import gathered_rows
 from ..receptance.modes import DampedModes
 from ..receptance.reduced_model import ReducedModel
@@ -98,7 +99,9 @@ def _refuse_what_does_not_fit(model: ReducedModel) -> None:
     if 72.0 * model.n_pairs**2 > _CHECKED_FROM:
         n_rows = n_owned if model.comm.size > 1 else 0  # in addition to the gathered rows
         needed = 72.0 * (model.n_pairs**2 + n_rows * model.n_pairs + n_missing * n_owned)
-        refuse_beyond(model.comm, needed, f"time integration: the flexibility between all {model.n_pairs} pairs", _FEWER)
+        refuse_beyond(
+            model.comm, needed, f"time integration: the flexibility between all {counted(model.n_pairs, 'pair')}", _FEWER
+        )
 
 
 def _residual_flexibility(model: ReducedModel, R_flexibility: np.ndarray) -> np.ndarray:

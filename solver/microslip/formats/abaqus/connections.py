@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...messages.errors import MeshError
-from ...messages.words import hint
+from ...messages.words import counted, hint
 from ...tables.constant_loads import Bolt
 from ...tables.structure import Point, Tie
 from ..draft import group_below, vector, weights_in_order
@@ -101,7 +101,9 @@ def _single(model: InputModel, scope: Scope, word: str, card: Card) -> int:
     """Return the single node given by a number or a set."""
     nodes = model.mesh.nodes(scope, word, card.where)
     if len(nodes) != 1:
-        raise MeshError(f"{card.where}: *{card.keyword}: {word!r} holds {len(nodes)} nodes; a reference node is a single node")
+        raise MeshError(
+            f"{card.where}: *{card.keyword}: {word!r} holds {counted(len(nodes), 'node')}; a reference node is a single node"
+        )
     return int(nodes[0])
 
 
@@ -114,7 +116,7 @@ def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, conn
     n_loose = np.count_nonzero((nodes != node) & ~is_solid)
     nodes = nodes[(nodes != node) & is_solid]
     if connection == "distributing" and n_loose and len(nodes):
-        effect = f"the reference node {number} is a mean with {n_loose} nodes of no solid, which do not count here"
+        effect = f"the reference node {number} is a mean with {counted(n_loose, 'node')} of no solid, which do not count here"
         model.findings.add(word, card.where, effect, True, "points")
     if others and not len(nodes) and not model.grouped.of_solids[node]:
         model.leading.setdefault(node, card)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...messages.errors import MeshError
+from ...messages.words import counted
 from ...tables.structure import Mass, Spring
 from ..draft import grounded, vector
 from .cards import Card, values_of
@@ -29,7 +30,7 @@ def take_discrete(model: InputModel) -> None:
     for first, block, nodes in model.mesh.blocks:
         n = np.count_nonzero(~done[first : first + len(nodes)])
         if n and (block.word in OF_DISCRETE):
-            effect = f"{n} elements without *{OF_DISCRETE[block.word]}: their properties are missing"
+            effect = f"{counted(n, 'element')} without *{OF_DISCRETE[block.word]}: their properties are missing"
             part = "masses" if block.word in ("MASS", "ROTARYI") else "springs"
             model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, effect, True, part)
 

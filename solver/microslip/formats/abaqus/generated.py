@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...messages.errors import MeshError
+from ...messages.words import counted
 from ..model import NO_NODES
 from .cards import Card, number
 from .mesh import FileMesh, add_to_set
@@ -115,7 +116,8 @@ def _take_fill(mesh: FileMesh, names: Names, card: Card) -> None:
         n, step = _whole(values, 0, 1), _whole(values, 1, 1)
         if len(bounds[0]) != len(bounds[1]) or n < 1 or step < 1 or n * len(bounds[0]) > _MOST:
             raise MeshError(
-                f"{where}: *NFILL: {words[0]} has {len(bounds[0])} nodes and {words[1]} {len(bounds[1])}, to be joined by {n} "
+                f"{where}: *NFILL: {words[0]} has {counted(len(bounds[0]), 'node')} and {words[1]} {len(bounds[1])}, to "
+                f"be joined by {n} "
                 f"intervals; expected equal numbers of nodes and at least one interval"
             )
         ends = [known.at(bound, where) for bound in bounds]

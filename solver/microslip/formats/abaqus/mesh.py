@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...messages.errors import MeshError
-from ...messages.words import hint
+from ...messages.words import counted, hint
 from ..model import NO_NODES
 from .cards import Card, values_of
 from .names import Names, Places
@@ -275,7 +275,7 @@ def _single_node(mesh: FileMesh, scope: Scope, word: str, where: str) -> int:
     """Return the position of the single node that an element of the assembly names."""
     members = mesh.nodes(scope, word, where)
     if len(members) != 1:
-        raise MeshError(f"{where}: *ELEMENT names {word!r}, which holds {len(members)} nodes where one is expected")
+        raise MeshError(f"{where}: *ELEMENT names {word!r}, which holds {counted(len(members), 'node')} where one is expected")
     return int(members[0])
 
 

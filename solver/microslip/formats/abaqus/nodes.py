@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...messages.errors import MeshError
+from ...messages.words import counted
 from ..model import KINDS
 from .cards import Card, values_of
 from .types import is_solid, kind_of
@@ -169,7 +170,7 @@ def _with_names(card: Card, word: str, n_nodes: int) -> Elements:
     for words, where in card.lines():
         words = words[:-1] if not words[-1] else words
         if len(words) != 1 + n_nodes or not words[0].isdigit():
-            raise MeshError(f"{where}: *ELEMENT, TYPE={word}: expected a number and {n_nodes} nodes{_DAMAGED}")
+            raise MeshError(f"{where}: *ELEMENT, TYPE={word}: expected a number and {counted(n_nodes, 'node')}{_DAMAGED}")
         named += [(len(rows), i, node) for i, node in enumerate(words[1:]) if not node.isdigit()]
         rows.append([int(node) if node.isdigit() else 0 for node in words])
     table = np.array(rows, dtype=np.int64).reshape(-1, 1 + n_nodes)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...messages.errors import MeshError
+from ...messages.words import counted
 from ...tables.structure import Body, Material
 from .cards import Card, number
 from .elastic import VALUES, keys_of, kind_of_material, orientation_of
@@ -89,7 +90,7 @@ def _records(card: Card, n: int) -> list[tuple[list[str], str]]:
     n_fields = max(int(number(card.parameters.get("DEPENDENCIES", "0")) or 0), 0)
     n_lines = -(-(n + 1 + n_fields) // _A_LINE)
     if len(lines) % n_lines:
-        raise MeshError(f"{card.where}: *{card.keyword} holds {len(lines)} lines where sets of {n_lines} are expected")
+        raise MeshError(f"{card.where}: *{card.keyword} holds {counted(len(lines), 'line')} where sets of {n_lines} are expected")
     starts = range(0, len(lines), n_lines)
     if n_lines == 1:
         return lines
@@ -204,7 +205,7 @@ def _find_without_section(model: InputModel, has_section: np.ndarray) -> None:
         if is_solid(block.word):
             bare = n - np.count_nonzero(has_section[first : first + n])
             if integration_of(block.word) is None:
-                effect = f"{n} elements of a type that this program does not have"
+                effect = f"{counted(n, 'element')} of a type that this program does not have"
                 model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, effect, True, "bodies")
             elif bare:
                 effect = f"{bare} {block.word} elements have no *SOLID SECTION"
@@ -215,7 +216,7 @@ def _find_without_section(model: InputModel, has_section: np.ndarray) -> None:
             model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, "surfaces without stiffness", False)
         elif not _has_own_card(block.word):
             known = "not solids" if kind_of(block.word) or block.word else "of no type"
-            effect = f"{n} elements, {known}: their stiffness and mass are not modelled"
+            effect = f"{counted(n, 'element')}, {known}: their stiffness and mass are not modelled"
             model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, effect, True)
 
 

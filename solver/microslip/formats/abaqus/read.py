@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from ...messages.errors import MeshError
+from ...messages.words import counted, verb
 from ..draft import Findings
 from ..model import FileModel
 from . import cyclic
@@ -107,7 +108,7 @@ def _find_rest(model: InputModel) -> None:
     """Add findings for every card that is not taken over."""
     _find_unknown_parameters(model)
     for where, n in model.mesh.short.items():
-        effect = f"{n} lines hold fewer coordinates than others; the missing ones are 0, as in CalculiX"
+        effect = f"{counted(n, 'line')} {verb(n, 'hold')} fewer coordinates than others; the missing ones are 0, as in CalculiX"
         model.findings.add("*NODE", where, effect, False)
     for where, (kind, text, first) in model.mesh.missing.items():
         model.findings.add(f"*{kind}", where, f"{text}, the first is {first}", False)
@@ -139,7 +140,7 @@ def _composed(model: InputModel) -> FileModel:
     """Return the model: mesh, equations, tables, findings.  Local."""
     mesh = model.mesh
     notes = tuple(
-        f"{len(nodes)} elements of *ELEMENT, TYPE={block.word} are not cells of the mesh"
+        f"{counted(len(nodes), 'element')} of *ELEMENT, TYPE={block.word} {verb(len(nodes), 'are')} not cells of the mesh"
         for _, block, nodes in mesh.blocks
         if block.kind is None
     )
@@ -174,7 +175,7 @@ def _facts(model: InputModel) -> list[str]:
     facts = []
     instances = [names for names in model.mesh.names.values() if names.scope.name]
     if instances:
-        named = ", ".join(f"{names.scope.name} ({len(names.node_numbers)} nodes)" for names in instances)
+        named = ", ".join(f"{names.scope.name} ({counted(len(names.node_numbers), 'node')})" for names in instances)
         facts.append(f"{len(instances)} instances: {named}")
     for what, raised in zip(("node", "element"), model.mesh.offsets, strict=True):
         if raised:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from ...messages.errors import MeshError
+from ...messages.words import counted
 from ..model import FileStep
 from .cards import Card, number
 from .findings import PROCEDURES
@@ -24,7 +25,8 @@ def chosen_step(steps: list[Step], wanted: int | None) -> Step | None:
         return next((step for step in steps if step.is_frequency), steps[0] if steps else None)
     if not 1 <= wanted <= len(steps):
         there = "; ".join(f"{step.number}: {_procedure(step)}" for step in steps)
-        raise MeshError(f"[model] step = {wanted}: the file has {f'{len(steps)} steps, {there}' if steps else 'no steps'}")
+        found = f"{counted(len(steps), 'step')}, {there}" if steps else "no steps"
+        raise MeshError(f"[model] step = {wanted}: the file has {found}")
     return steps[wanted - 1]
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...messages.words import counted
 from ...tables.joint import Joint
 from ..model import Cells, Finding
 from .content import Content
@@ -91,7 +92,7 @@ def report_contacts(content: Content, sides: list[Side]) -> None:
         content.findings.take(
             Finding(
                 word=f"element type {side.kind}",
-                where=f"{side.n} elements of ET {side.type}",
+                where=f"{counted(side.n, 'element')} of ET {side.type}",
                 effect=_effect(side, behaviour, names),
                 changes=True,
                 surfaces=names,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...messages.errors import MeshError
+from ...messages.words import counted
 from ...tables.structure import Body, Material, Orientation
 from ..model import Cells, Group
 from .blocks import FIELDS, Blocks
@@ -179,7 +180,7 @@ def _by_axes(
             made = orientation_of(*content.systems[int(number)]) if int(number) in content.systems else None
             if made is None:
                 effect = f"element axes of material {material}, which no LOCAL states as Cartesian or cylindrical"
-                content.findings.add(axes, f"{(members & (system == number)).sum()} elements", effect, part="bodies")
+                content.findings.add(axes, f"{counted((members & (system == number)).sum(), 'element')}", effect, part="bodies")
                 axes = None
             else:
                 orientations[axes] = made
@@ -207,4 +208,4 @@ def _report_type(content: Content, number: int, type_number: int, why: str | Non
     if why is not None:
         effect, changes = f"{why}, {_MISSING}", True
     word = f"element type {type_number}" if type_number else "element without ET"
-    content.findings.add(word, f"{n} elements of ET {number}", effect, changes)
+    content.findings.add(word, f"{counted(n, 'element')} of ET {number}", effect, changes)

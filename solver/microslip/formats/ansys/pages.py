@@ -19,6 +19,7 @@ from dataclasses import replace
 from functools import partial, wraps
 
 from ...messages.errors import MeshError
+from ...messages.words import counted, verb
 from ..model import FileModel
 
 # Every part is bounded: the time for a file is proportional to its size, whatever its bytes.
@@ -47,7 +48,7 @@ def _read_plain(path: str, read: Callable[[str], FileModel]) -> FileModel:
     plain, n_pages = _PAGE.subn(b"", content) if b"VERSION=" in content else (content, 0)
     if not n_pages:
         return read(path)
-    counted = f"{n_pages} page headers of a listing are left out, lines are counted without them"
+    left_out = f"{counted(n_pages, 'page header')} of a listing {verb(n_pages, 'are')} left out, lines are counted without them"
     with tempfile.TemporaryDirectory() as folder:
         copy = os.path.join(folder, "copy" + os.path.splitext(path)[1])
         with open(copy, "wb") as file:
@@ -55,5 +56,5 @@ def _read_plain(path: str, read: Callable[[str], FileModel]) -> FileModel:
         try:
             model = read(copy)
         except MeshError as problem:
-            raise MeshError(f"{problem} ({counted})") from None
-    return replace(model, facts=(*model.facts, counted))
+            raise MeshError(f"{problem} ({left_out})") from None
+    return replace(model, facts=(*model.facts, left_out))

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 
+from ...messages.words import counted, verb
 from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
 from .text import square_of, table_of
 
@@ -60,12 +61,12 @@ def _labelled(table: np.ndarray, wanted: Wanted) -> FileMatrix:
     is_fixed[rows[(rows == columns) & (values >= _FIXED)]] = True
     matrix = from_coordinates(rows, columns, values, (n, n), wanted)
     notes = []
-    if is_fixed.any():
+    if n := int(is_fixed.sum()):
         free = np.flatnonzero(~is_fixed)
         matrix, dofs = matrix[free][:, free], dofs[free]
-        notes.append(f"{wanted.path.name}: {is_fixed.sum()} DOFs are held by boundary conditions and left out")
-    if (dofs.nodes < 0).any():
-        notes.append(f"{wanted.path.name}: {(dofs.nodes < 0).sum()} DOFs belong to internal nodes of Abaqus")
+        notes.append(f"{wanted.path.name}: {counted(n, 'DOF')} {verb(n, 'are')} held by boundary conditions and left out")
+    if n := int((dofs.nodes < 0).sum()):
+        notes.append(f"{wanted.path.name}: {counted(n, 'DOF')} {verb(n, 'belong')} to internal nodes of Abaqus")
     return FileMatrix(matrix, dofs, is_triangle=_is_triangle(matrix), notes=tuple(notes))
 
 

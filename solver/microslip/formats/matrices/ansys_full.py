@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...messages.errors import CaseError
+from ...messages.words import counted
 from .ansys_records import Records
 from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
 
@@ -38,7 +39,7 @@ def read_full(wanted: Wanted) -> FileMatrix:
     rows, columns, values = _block(records, starts[name], n, wanted)
     matrix = from_coordinates(rows, columns, values, (n, n), wanted)
     free = np.flatnonzero(is_free)
-    note = f"{wanted.path.name}: {n - len(free)} of {n} equations are constrained and left out"
+    note = f"{wanted.path.name}: {n - len(free)} of {counted(n, 'equation')} are constrained and left out"
     return FileMatrix(
         matrix[free][:, free], dofs[free] if dofs is not None else None, is_triangle=True, notes=(note,) * (len(free) < n)
     )

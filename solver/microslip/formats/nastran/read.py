@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...messages.errors import Interrupted, MeshError
+from ...messages.words import counted
 from ...tables.structure import Body, Orientation
 from ..draft import cells_of
 from ..includes import Includes, place
@@ -308,7 +309,7 @@ def _report(content: Content) -> None:
     stiff = {pid for pid, card in cards.properties.items() if card.type in ("PSHELL", "PCOMP", "PCOMPG")}
     n_shells = sum(element.type in SHELLS and element.pid in stiff for element in cards.elements.values())
     if n_shells:
-        findings.add("PSHELL", f"{n_shells} elements", "shells with stiffness; only their faces are used, as groups")
+        findings.add("PSHELL", f"{counted(n_shells, 'element')}", "shells with stiffness; only their faces are used, as groups")
     if any(card.type == "PSOLID" and (card.integ is not None or card.isop is not None) for card in cards.properties.values()):
         effect = "the quadrature stated by a PSOLID; set it by [bodies.NAME] integration"
         findings.add("PSOLID", "fields 5 and 7", effect, False, "bodies")

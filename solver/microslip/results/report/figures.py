@@ -7,6 +7,7 @@ import matplotlib.colors
 import numpy as np
 
 from ...fourier.coefficients import amplitude, phase
+from ...messages.words import counted
 from ...points.error_parts import PARTS, total
 from ...points.peak import Peak
 from ...points.quantities import hertz
@@ -151,7 +152,7 @@ def _states(results: ResultFile, levels) -> Figure:
         for k, dash in ((1, "solid"), (2, "dot")):
             number = counts(level.state)[:, k]
             if k == 1 or number.any():
-                text = f"%{{y}} of {results.joint.n_pairs} pairs {STATE_NAMES[k]} at %{{x:.7g}} Hz"
+                text = f"%{{y}} of {counted(results.joint.n_pairs, 'pair')} {STATE_NAMES[k]} at %{{x:.7g}} Hz"
                 trace = _line(level, number, colour, text)
                 trace["line"]["dash"], trace["showlegend"] = dash, k == 1
                 traces.append(trace)

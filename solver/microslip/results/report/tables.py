@@ -5,6 +5,7 @@ from html import escape
 
 import numpy as np
 
+from ...messages.words import counted
 from ...points.error_parts import PARTS, total
 from ...points.quantities import hertz
 from ..audit import balance
@@ -237,7 +238,7 @@ def understood(results: ResultFile, fields: Fields | None) -> str:
         ]
         parts.append(table(("body (group)", "elements", "nodes"), rows))
         corners = " to ".join("(" + ", ".join(f"{value:.4g}" for value in corner) + ")" for corner in (low, high))
-        parts.append(f"<p>{len(fields.mesh.points)} nodes, from {corners} m.</p>")
+        parts.append(f"<p>{counted(len(fields.mesh.points), 'node')}, from {corners} m.</p>")
     if results.joint.n_pairs:
         parts.append(_joints(results))
     parts.append(_outputs(results, fields))
@@ -311,7 +312,7 @@ def _complete(results: ResultFile) -> tuple[str, str]:
     if open_ended:
         return LOOK, f"{len(open_ended)} levels were at work when this was written"
     n = sum(len(level.frequency) for level in results.levels)
-    return GOOD, f"all {len(results.levels)} levels are complete, {n} points"
+    return GOOD, f"all {counted(len(results.levels), 'level')} are complete, {counted(n, 'point')}"
 
 
 def _balance(results: ResultFile, level: LevelResult) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from ...contact.law import OPEN, SLIP
 from ...library.backbone import Backbone, QuasiStatic, Synthesis
+from ...messages.words import counted
 from ...observe.screen_table import screen_table
 from ...points.peak import Peak
 from ...results.layout import log_scale
@@ -180,7 +181,7 @@ def in_words(result: Backbone) -> list[str]:
         f"mode {result.mode}, {rest_in_words(result)}: {result.linear_frequency:.7g} Hz, "
         f"damping {100.0 * result.linear_damping:.4g} %; " + first_in_words(result, f"{size[0]:.4g} {unit} of {name}"),
         f"largest damping {100.0 * result.damping[top]:.4g} % at {size[top]:.4g} {unit}, {result.frequency[top]:.7g} Hz; "
-        f"{len(result.points)} points in {result.seconds:.3g} s",
+        f"{counted(len(result.points), 'point')} in {result.seconds:.3g} s",
         *statics_in_words(result, result.quasi_static),
         *checks_in_words(result, size),
     ]
@@ -210,7 +211,7 @@ def checks_in_words(result: Backbone, size: np.ndarray) -> list[str]:
         if is_open[missing].all():
             advice = f"pairs open from {size[is_open].min():.4g} {unit} on, where more harmonics may have no solution either"
         lines.append(
-            f"with twice the harmonics and samples, no solution at {len(missing)} of {len(result.checks)} points, "
+            f"with twice the harmonics and samples, no solution at {len(missing)} of {counted(len(result.checks), 'point')}, "
             f"{', '.join(f'{size[i]:.4g}' for i in missing)} {unit} of {result.outputs[0]}: the error there is unknown; {advice}"
         )
     return lines

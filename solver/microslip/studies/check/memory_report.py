@@ -14,6 +14,7 @@ from ...linear.analysis import FactorMemory
 from ...linear.direct import foreseen
 from ...linear.joint_springs import STORED, analysis_of
 from ...mesh.data import ContactPairs, DistributedMesh, Mesh
+from ...messages.words import counted
 from ...modes.shift_invert import basis_size
 from ...parallel.agree import on_root
 from ...reduction.facts import Counts
@@ -154,7 +155,7 @@ def in_words(estimate: MemoryEstimate, columns: float, left: float, lacks: Short
     lacks : the limit that is exceeded; None if the memory suffices
     picked : whether the program chooses the number of modes
     """
-    assumed = f", with {estimate.modes} modes" if picked else ""
+    assumed = f", with {counted(estimate.modes, 'mode')}" if picked else ""
     lines = [f"memory     peak by the end of each stage, MiB: all ranks, largest{assumed}"]
     for stage in estimate.stages:
         how = " measured" if stage.is_measured else ""

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 
 from ...mesh.data import Mesh
 from ...mesh.skin import Skin, groups_of_bodies, skin_of_mesh
+from ...messages.words import counted
 from ...results.style import FAINT, INK, RC, Page, plain, view_from
 from ...system.files import file_errors, make_folder
 
@@ -66,7 +67,8 @@ def _page(mesh: Mesh, marks: Sequence[Mark], title: str) -> Page:
     )
     names = groups_of_bodies(mesh)
     heading = (
-        f"{len(mesh.points)} nodes, {sum(len(block.nodes) for block in mesh.elements)} elements in {len(names)} bodies; "
+        f"{counted(len(mesh.points), 'node')}, {counted(sum(len(block.nodes) for block in mesh.elements), 'element')} "
+        f"in {counted(len(names), 'body')}; "
         "first the bodies, then what lies between and on them"
     )
     with matplotlib.rc_context(RC):

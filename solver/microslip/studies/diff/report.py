@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...messages.words import listed
+from ...messages.words import counted, listed, verb
 from ...observe.screen_table import screen_table
 from ...results.record import COMPLETE, ResultFile
 from ...system.files import atomic_write, make_folder
@@ -183,7 +183,7 @@ def _notes(comparison: Difference) -> str:
         for side, status, failure, n in zip("AB", level.status, level.failure, level.n_points):
             if status != COMPLETE:
                 how = f"ended early: {_short(failure, 150)}" if failure else "was not finished when the file was written"
-                lines.append(f"{name}: {side} {how} ({n} points)")
+                lines.append(f"{name}: {side} {how} ({counted(n, 'point')})")
         if level.ends is not None:
             (low_a, high_a), (low_b, high_b) = level.ends
             lines.append(
@@ -193,8 +193,8 @@ def _notes(comparison: Difference) -> str:
             lines.append(
                 f"{name}: different points; beyond their resolution the curves differ by {_percent(level.beyond)} % of the peak"
             )
-        if level.n_other_state:
-            lines.append(f"{name}: {level.n_other_state} pairs are in another state where the response is largest")
+        if n := level.n_other_state:
+            lines.append(f"{name}: {counted(n, 'pair')} {verb(n, 'are')} in another state where the response is largest")
     for side, results in (("A", comparison.a), ("B", comparison.b)):
         known = {level.level for level in comparison.levels}
         lines += [

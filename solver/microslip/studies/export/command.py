@@ -10,7 +10,7 @@ from ...library.prepare import reduced
 from ...library.settings import reduction_settings, refuse_discs
 from ...linear.joint_springs import joint_stiffness
 from ...messages.errors import CaseError
-from ...messages.words import hint
+from ...messages.words import counted, hint
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
 from ...reduction.methods import METHODS, SELECTIONS
@@ -87,7 +87,8 @@ def settings_of(scene: Scene, structure: Structure, method: str | None) -> tuple
         return replace(settings, method=name), f"exported: the reduction of method {name}"
     most = max(3 * structure.pairs.n_pairs, 1)
     note = (
-        f"exported: the {len(structure.modes.omega_n)} modes of the scene and the static shapes of all relative displacements "
+        f"exported: the {counted(len(structure.modes.omega_n), 'mode')} of the scene and the static shapes of all "
+        "relative displacements "
         f"and loads. Method {settings.method} has the same modes and statics, but no inertia in those shapes: no finite matrices"
     )
     return replace(settings, method=INSTEAD, interface_modes=most), note

@@ -204,7 +204,7 @@ def modes_by_diameter(
         some = diameters[first : first + together]
         give_back()
         with log.stage(f"nodal diameter{'s' * (len(some) > 1)} {', '.join(map(str, some))}"):
-            structures = _structures(parts, some, log)
+            structures = _structures(parts, some, log, is_first=first == 0)
             modes = in_lockstep(
                 [partial(lowest_modes, each, min(n, each.maps.n_dof), verify, allows_fewer) for each in structures.values()]
             )
@@ -219,10 +219,10 @@ def modes_by_diameter(
         matrix.destroy()
 
 
-def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict[int, Linearised]:
+def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog, is_first: bool) -> dict[int, Linearised]:
     """Return the stuck structures of nodal diameters by these, but for those in which a free disc is rigid.  Collective.
 
-    One pass over the factor of the sector tests those of all of them.
+    One pass over the factor of the sector tests those of all of them; it is described in the log with the first.
     """
     scene, structures = parts.scene, {}
     with log.stage("factor of the stuck structure"):
@@ -235,7 +235,7 @@ def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict
         else:
             log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {outcome}")
     for linearised in list(structures.values())[:1]:
-        for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
+        for note in (*linearised.factor.info["messages"], *([factor_in_words(linearised.factor.info)] if is_first else [])):
             log.note(note)
     return structures
 
@@ -287,7 +287,7 @@ def write_disc(by_diameter: Sequence[DiameterModes], scene: Titled, excited: Exc
         for each in by_diameter
         for name, frequency in zip(DIRECTIONS if each.waves else ("",), each.by_direction)
     ]
-    heading = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {excited.n_sectors} sectors"
+    heading = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {counted(excited.n_sectors, 'sector')}"
     if by_diameter[0].waves:
         heading += "; with Coriolis forces, waves that turn backward and forward"
     table = screen_table(heading, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 
 from ...mesh.data import ContactPairs, Mesh
+from ...messages.words import counted
 from ...observe.screen_table import screen_table
 from ...receptance.modes import ProjectedModes
 from ...results.skin_triangles import Skin, skin
@@ -126,7 +127,7 @@ def draw_shapes(table: ModeTable, mesh: Mesh, shapes: np.ndarray, scene: Titled,
     low, high = flat.min(axis=0) - room, flat.max(axis=0) + room
     rows, columns = panels(n)
     height = rows * (np.clip(WIDTH / columns * (high - low)[1] / (high - low)[0], 0.7, 2.6) + 0.25)
-    of = f"the first {n} of {len(table.frequency)} modes" if n < len(table.frequency) else "modes"
+    of = f"the first {n} of {counted(len(table.frequency), 'mode')}" if n < len(table.frequency) else "modes"
     page = Page(scene, f"{of} with all pairs stuck; displacement from none (dark) to the largest (light)", WIDTH, float(height))
     cells = page.grid(rows, columns)
     for i in range(n):

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...library.search import FollowedCurve, Search, SolutionAt
+from ...messages.words import counted
 from ...observe.screen_table import screen_table
 from ...points.multipliers import is_stable
 from ...results.layout import log_scale
@@ -111,7 +112,7 @@ def on_screen(result: Search) -> str:
 def in_words(result: Search) -> str:
     """Return the sentence below the table: what was found is not known to be all."""
     n, at = len(result.solutions), f"{result.frequency:g} Hz and {result.level:g} {result.level_unit}"
-    which = "one solution" if n == 1 else f"{n} solutions"
+    which = "one solution" if n == 1 else f"{counted(n, 'solution')}"
     more = "with more --starts others may be found" if n > 1 else "no other from these starts; there may be others"
     return f"{which} found at {at}, with {result.starts} starts: {more}"
 

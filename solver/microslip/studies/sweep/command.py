@@ -13,6 +13,7 @@ from ...library.sample_peaks import DONE, MISSING, OUTSIDE, Sample, SamplePeaks,
 from ...library.sweep import SweepTable, outside, table_of
 from ...library.varied import Varied
 from ...messages.errors import CaseError, ConvergenceError, Interrupted
+from ...messages.words import counted
 from ...observe.log import RunLog
 from ...observe.stops import explaining_continuation
 from ...parallel.agree import on_root
@@ -64,7 +65,9 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     failed = table.failures
     if failed:
         more = [f"and {len(failed) - MOST_LISTED} more"] * (len(failed) > MOST_LISTED)
-        message = "\n".join([f"sweep: {len(failed)} of {len(table)} samples have no peak", *failed[:MOST_LISTED], *more])
+        message = "\n".join(
+            [f"sweep: {len(failed)} of {counted(len(table), 'sample')} have no peak", *failed[:MOST_LISTED], *more]
+        )
         raise ConvergenceError(f"{message}\nthe others are in {folder}")
 
 
@@ -108,7 +111,7 @@ def in_words(planned: Planned, request: Request) -> str:
     parts = f"; part {request.part[0]} of {request.part[1]}" if request.part[1] > 1 else ""
     return "\n".join(
         [
-            f"{n} samples, {planned.design.kind} {axes}{parts}: {kinds}",
+            f"{counted(n, 'sample')}, {planned.design.kind} {axes}{parts}: {kinds}",
             *[f"{n_outside} of them are outside what the scene allows and are left out"] * (n_outside > 0),
             *[f"{n_known} of them were computed by an earlier run"] * (n_known > 0),
         ]

@@ -10,6 +10,7 @@ import numpy as np
 from ...library.design import sobol_indices, sobol_intervals
 from ...library.sample_peaks import DONE, FAILED, MISSING, OUTSIDE
 from ...library.sweep import NUMBERS, SMOOTH, SweepTable
+from ...messages.words import counted
 from ...observe.screen_table import screen_table
 from ...results.style import RC, some
 from ...scene.schema import Scene
@@ -45,7 +46,7 @@ def write_sweep(table: SweepTable, scene: Scene, folder: Path, has_indices: bool
         _draw(table, scene, folder, effects, indices)
     lines = [_on_screen(table), *_percentiles_in_words(table), *map(_effect_in_words, effects), *_indices_in_words(indices)]
     missing = sum(sample.status == MISSING for sample in table.samples)
-    lines += [f"{missing} of {len(table)} samples are not computed yet; the table has the others"] * (missing > 0)
+    lines += [f"{missing} of {counted(len(table), 'sample')} are not computed yet; the table has the others"] * (missing > 0)
     return "\n".join(lines)
 
 

@@ -146,6 +146,7 @@ class Chosen:
     omega: float  # rad/s
     peak: float  # amplitude at the peak of the curve [m]
     is_peak: bool
+    has_loop: bool  # the point of its curve whose friction loop is drawn
     response: np.ndarray  # (N_H,) m
     U: np.ndarray  # (n_pairs, 3, N_H) m
     p: np.ndarray  # (n_pairs, 3, N_H) N
@@ -175,7 +176,9 @@ def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]
             )
             largest = np.nan if point.multipliers is None else float(np.hypot(*point.multipliers.T).max(initial=0.0))
             chosen.append(
-                Chosen(branch.level, point.omega, float(sizes[top]), i == nearest, response, U, p, point.energy, largest)
+                Chosen(
+                    branch.level, point.omega, float(sizes[top]), i == top, i == nearest, response, U, p, point.energy, largest
+                )
             )
     return chosen
 
@@ -241,7 +244,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
             seconds=seconds,
             growth=float(factors[i]),
             failure=unsteady(steady[-1].distance[i], int(periods[i])),
-            loop=loop_of(transient, point, du[:, i], steady[-1].cycle.p[:, i]) if point.is_peak else None,
+            loop=loop_of(transient, point, du[:, i], steady[-1].cycle.p[:, i]) if point.has_loop else None,
         )
         for i, point in enumerate(chosen)
     ]

@@ -158,7 +158,7 @@ def _cell(name: str, value) -> str:
 def draw_verification(
     checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, path: str, settings: str, of_output: str = "m"
 ) -> None:
-    """Draw the curves with the points of time integration, and below the loop of the most dissipative pair at each peak."""
+    """Draw the curves with the points of time integration, and below the loop of the most dissipative pair next to each peak."""
     loops = some([check for check in checks if check.loop is not None], _MOST_LOOPS)
     branches = [branch for branch in branches if branch.points]
     colours = dict(zip([branch.level for branch in branches], level_colours(len(branches))))

@@ -6,6 +6,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
+from ...messages.words import counted
 from ...observe.screen_table import screen_table
 from ...results.read import read_results
 from ...results.record import LevelResult, ResultFile
@@ -70,7 +71,8 @@ def in_words(history: WearHistory) -> list[str]:
     rows, n = history.records(), len(history.cycles) - 1
     shift, growth = history.frequency[-1] - history.frequency[0], history.amplitude[-1] / history.amplitude[0] - 1.0
     lines = [
-        f"after {history.cycles[-1]:.6g} cycles in {n} jumps: amplitude {100.0 * growth:+.3g} %, frequency {shift:+.4g} Hz, "
+        f"after {history.cycles[-1]:.6g} cycles in {counted(n, 'jump')}: amplitude {100.0 * growth:+.3g} %, frequency "
+        f"{shift:+.4g} Hz, "
         f"worn volume {rows[-1]['volume_m3']:.4g} m3 by {rows[-1]['energy_J']:.4g} J"
     ]
     errors, deepest = rows[-1]["jump_errors_m"], rows[-1]["depth_max_m"]
@@ -81,8 +83,9 @@ def in_words(history: WearHistory) -> list[str]:
         first, last = history.normal_force[[0, -1]][:, of_joint]
         lost = np.count_nonzero((first > 0.0) & (last <= 0.0))
         lines.append(
-            f"  {name}: {np.count_nonzero(history.depth[-1, of_joint])} of {of_joint.sum()} pairs worn, up to "
-            f"{history.depth[-1, of_joint].max():.4g} m; normal force {first.sum():.5g} -> {last.sum():.5g} N; {lost} pairs have "
+            f"  {name}: {np.count_nonzero(history.depth[-1, of_joint])} of {counted(of_joint.sum(), 'pair')} worn, up to "
+            f"{history.depth[-1, of_joint].max():.4g} m; normal force {first.sum():.5g} -> {last.sum():.5g} N; "
+            f"{counted(lost, 'pair')} have "
             "lost all of theirs"
         )
     return lines
