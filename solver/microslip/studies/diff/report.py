@@ -193,8 +193,10 @@ def _notes(comparison: Difference) -> str:
             lines.append(
                 f"{name}: different points; beyond their resolution the curves differ by {_percent(level.beyond)} % of the peak"
             )
-        if n := level.n_other_state:
-            lines.append(f"{name}: {counted(n, 'pair')} {verb(n, 'are')} in another state where the response is largest")
+        if others := level.n_other_state:
+            lines.append(
+                f"{name}: {counted(others, 'pair')} {verb(others, 'are')} in another state where the response is largest"
+            )
     for side, results in (("A", comparison.a), ("B", comparison.b)):
         known = {level.level for level in comparison.levels}
         lines += [
