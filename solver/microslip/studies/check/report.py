@@ -190,9 +190,8 @@ def _mode_across_gaps(scene: Scene, pairs: ContactPairs) -> list[str]:
     n, mode = np.count_nonzero(has_springs_across_gap(pairs)), scene.response.mode
     if mode is None or scene.statics is not None or n == 0:
         return []
-    return [
-        f"           WARNING: mode = {mode} counts with {counted(n, 'pair')} of a gap closed; a run states its frequency with them open"
-    ]
+    closed = f"{counted(n, 'pair')} of a gap closed"
+    return [f"           WARNING: mode = {mode} counts with {closed}; a run states its frequency with them open"]
 
 
 def _joints(pairs: ContactPairs) -> list[str]:
