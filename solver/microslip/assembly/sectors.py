@@ -165,9 +165,9 @@ class AllSectors:
         """K and M of the bodies that differ alone, on the rows of nodes."""
         return self.disc.blades
 
-    def system(self, d: int) -> System:
+    def system(self, d: int, explicit: bool = True) -> System:
         """Return the system of nodal diameter d.  Collective."""
-        return self.disc.system(d)
+        return self.disc.system(d, explicit)
 
     def at_nodes(self, w: np.ndarray) -> np.ndarray:
         """Return the motion of the nodes, sector after sector, (N n_nodes, 3, N_H), for w (n_dof N, N_H).  Local."""

@@ -28,8 +28,8 @@ class Disc(Protocol):
     def blades(self) -> tuple[PETSc.Mat, PETSc.Mat] | None:
         """K and M of the bodies that differ alone, on the rows of nodes."""
 
-    def system(self, d: int) -> System:
-        """Return the system of nodal diameter d.  Collective."""
+    def system(self, d: int, explicit: bool = True) -> System:
+        """Return the system of nodal diameter d; its matrices have no entries if complex or not ``explicit``.  Collective."""
 
     def at_nodes(self, w: np.ndarray) -> np.ndarray:
         """Return the motion of the sector's nodes, (n_nodes, 3, N_H), from coefficients of all rows, (n_dof, N_H).  Local."""

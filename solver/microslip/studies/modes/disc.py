@@ -219,7 +219,7 @@ def modes_by_diameter(
         matrix.destroy()
 
 
-def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog, is_first: bool) -> dict[int, Linearised]:
+def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog, is_first: bool = True) -> dict[int, Linearised]:
     """Return the stuck structures of nodal diameters by these, but for those in which a free disc is rigid.  Collective.
 
     One pass over the factor of the sector tests those of all of them; it is described in the log with the first.
