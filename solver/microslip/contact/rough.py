@@ -16,7 +16,6 @@ import numpy as np
 
 from ..fourier.coefficients import analysis_matrix, synthesis_matrix
 from ..fourier.harmonics import Harmonics
-from ..messages.words import counted
 from .bundle import Bundle, OfElements, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
@@ -325,7 +324,7 @@ class Rough(OfElements):
         N, k_n = self.normal_force(du[:, 2])
         parts = ~(N > CARRIES * self.pressed)
         if np.any(parts & np.isinf(self.exponent)):
-            raise ValueError(f"{np.count_nonzero(parts)} of {counted(self.n_pairs, 'pair')} carry nothing")
+            raise ValueError(f"{np.count_nonzero(parts)} of {self.n_pairs} pairs carry nothing")
         gap = np.maximum(du[:, 2] + self.lift - np.where(parts, self.exponent, 0.0) * self.pressed / self.k_n, 0.0)
         law = replace(
             self,
