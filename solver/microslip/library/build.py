@@ -196,11 +196,6 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     CaseError, ResourceError : on every rank
     """
     scene, pairs, settings = parts.scene, parts.rest.pairs, reduction_settings(parts.scene)
-    if scene.statics is not None and scene.statics.coriolis:
-        raise CaseError(
-            f"{scene.path}: [statics] coriolis = true: only `microslip modes` takes Coriolis forces in; for the forced "
-            "response state false, and compare the frequencies of `microslip modes` with and without them"
-        )
     system = with_contact_forces(parts.rest.system, pairs, scene.outputs)
     log.note(f"{system.n_dof} DOF, {counted(pairs.n_pairs, 'contact pair')}")
     refuse_too_many(settings.modes, system.n_dof, scene.path, scene.response.mode)
@@ -227,7 +222,12 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     ------
     CaseError, ResourceError : on every rank
     """
-    cyclic = parts.scene.cyclic
+    scene, cyclic = parts.scene, parts.scene.cyclic
+    if scene.statics is not None and scene.statics.coriolis:
+        raise CaseError(
+            f"{scene.path}: [statics] coriolis = true: only `microslip modes` takes Coriolis forces in; for the forced "
+            "response state false, and compare the frequencies of `microslip modes` with and without them"
+        )
     if cyclic is None:
         return _stuck(parts, log)
     if cyclic.whole:
