@@ -222,12 +222,8 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     ------
     CaseError, ResourceError : on every rank
     """
-    scene, cyclic = parts.scene, parts.scene.cyclic
-    if scene.statics is not None and scene.statics.coriolis:
-        raise CaseError(
-            f"{scene.path}: [statics] coriolis = true: only `microslip modes` takes Coriolis forces in; for the forced "
-            "response state false, and compare the frequencies of `microslip modes` with and without them"
-        )
+    cyclic = parts.scene.cyclic
+    _refuse_coriolis(parts.scene)
     if cyclic is None:
         return _stuck(parts, log)
     if cyclic.whole:
@@ -238,6 +234,14 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
         cyclic.diameters,
     )
     return groups.of(1)
+
+
+def _refuse_coriolis(scene: Scene) -> None:
+    if scene.statics is not None and scene.statics.coriolis:
+        raise CaseError(
+            f"{scene.path}: [statics] coriolis = true: only `microslip modes` takes Coriolis forces in; for the forced "
+            "response state false, and compare the frequencies of `microslip modes` with and without them"
+        )
 
 
 def conjugate_of(d: int, n_sectors: int) -> int | None:
@@ -252,6 +256,7 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     ------
     CaseError, ResourceError : on every rank
     """
+    _refuse_coriolis(parts.scene)
     system = parts.rest.system
     assert system.sectors is not None, "a disc"
     n = system.sectors.n_sectors
