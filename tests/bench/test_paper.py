@@ -76,7 +76,7 @@ def test_what_a_run_drops_is_counted(tmp_path):
     level = chain_study(tmp_path, [3.0], [0.0, 1e9], []).levels[0]
     all_dropped = level.energy[1e9]
     is_open = np.array([np.count_nonzero(point.state == OPEN) for point in all_dropped.points])
-    assert (all_dropped.kept[1:] == is_open[:-1]).all() and all_dropped.dropped.max() > 0 and all_dropped.lost.max() > 0.0
+    assert (all_dropped.retained[1:] == is_open[:-1]).all() and all_dropped.dropped.max() > 0 and all_dropped.lost.max() > 0.0
     assert level.reference.dropped.max() == 0 and level.checked.dropped.max() == 0
     assert paper_runs.errors(all_dropped, level.reference).max() > 1e-3
     assert paper_runs.errors(level.checked, level.reference).max() < 1e-6
