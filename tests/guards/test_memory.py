@@ -1,5 +1,6 @@
 """What is left of the memory, read from the files of Linux: machine, control groups of both versions, Slurm, limits of a process."""
 
+import ctypes
 import resource
 
 import pytest
@@ -134,3 +135,17 @@ def test_freed_memory_goes_back_to_the_system():
     memory.give_back()
     assert held - before > 60e6 and memory.resident_memory() - before < 0.5 * (held - before) and last is not None
     assert memory.peak_memory() > 0.99 * held
+
+
+def test_some_memory_stays_at_the_end_of_the_heap():
+    """A library that reads a little past an array at this end would otherwise read where nothing is mapped."""
+    library = ctypes.CDLL(None)
+    if not hasattr(library, "mallinfo2"):
+        pytest.skip("a C library other than glibc 2.33 or later")
+    library.mallinfo2.restype = type(
+        "Info", (ctypes.Structure,), {"_fields_": [(f"size_{i}", ctypes.c_size_t) for i in range(10)]}
+    )
+    some = [bytearray(1000) for _ in range(10000)]
+    del some
+    memory.give_back()
+    assert 2**16 <= library.mallinfo2().size_9 <= 2**19  # keepcost, free at the end

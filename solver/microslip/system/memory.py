@@ -17,6 +17,7 @@ _LARGE, _N_BLOCKS = (
     2**25,
     2**16,
 )  # bytes of a block from which it is mapped separately, glibc's upper bound; number of them, its default
+_PAD = 2**17  # bytes that stay free at the end of the heap, glibc's default M_TOP_PAD
 _LIMITS = {1: ("memory.limit_in_bytes",), 2: ("memory.max", "memory.high")}
 _USED = {1: "memory.usage_in_bytes", 2: "memory.current"}
 
@@ -36,10 +37,13 @@ def gigabytes(size: float) -> str:
 
 
 def give_back() -> None:
-    """Return memory that was freed to the system, which otherwise counts it as this process's.  Local."""
+    """Return memory that was freed to the system, which otherwise counts it as this process's.  Local.
+
+    Some stays at the end of the heap: OpenBLAS 0.3.21 reads past the vector of a transposed complex product (zgemv).
+    """
     trim = _trim()
     if trim is not None:
-        trim(0)
+        trim(_PAD)
 
 
 def return_large_blocks() -> None:
