@@ -178,7 +178,7 @@ class Test:
             return outcome
         if outcome.lost > len(outcome.hit):
             outcome.wrong.append(f"{outcome.lost} points computed twice")
-        if outcome.taken > outcome.reported + len(outcome.hit):  # a point is kept just before it is reported
+        if outcome.taken > outcome.reported + len(outcome.hit):  # a point is stored just before it is reported
             outcome.wrong.append(f"{outcome.taken} points taken over, of {outcome.reported}")
         self._compare(out, goal, outcome)
         left = [path.name for path in out.iterdir() if path.name == "unfinished" or path.suffix == ".part"]

@@ -1,4 +1,4 @@
-"""What ends one rank ends the job: soon, with its cause on standard error, and no rank left behind."""
+"""What ends one rank ends the job: within ten seconds, with its cause on standard error, and no rank left behind."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ from faults import microslip_with
 from processes import LIMIT, MPIRUN, environment
 
 pytestmark = pytest.mark.slow
-AFTER = 60.0  # s; a few on a machine that others do not keep busy
+AFTER = 10.0  # s
 
 
 def left_behind(folder, until):

@@ -25,8 +25,8 @@ def chosen_step(steps: list[Step], wanted: int | None) -> Step | None:
         return next((step for step in steps if step.is_frequency), steps[0] if steps else None)
     if not 1 <= wanted <= len(steps):
         there = "; ".join(f"{step.number}: {_procedure(step)}" for step in steps)
-        found = f"{counted(len(steps), 'step')}, {there}" if steps else "no steps"
-        raise MeshError(f"[model] step = {wanted}: the file has {found}")
+        known = f"{counted(len(steps), 'step')}, {there}" if steps else "no steps"
+        raise MeshError(f"[model] step = {wanted}: the file has {known}")
     return steps[wanted - 1]
 
 
