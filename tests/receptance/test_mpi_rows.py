@@ -71,6 +71,15 @@ def test_later_as_many_as_are_known_are_solved_for_together(monkeypatch):
     assert solved == [2, 2, 4, 8, 16, 20, 8] and columns.batches == 7
 
 
+def test_columns_that_are_products_are_computed_as_needed():
+    solved = []
+    columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or np.zeros((180, 3 * len(of))), 2, grows=False)
+    columns.expect(np.arange(60))
+    for pair in range(0, 20, 2):
+        columns.require(np.array([pair]))
+    assert solved == [2] * 10 and columns.known.sum() == 20
+
+
 def test_columns_with_other_rows_than_those_of_this_rank_are_refused():
     """Products read them by address, and would read past their end."""
     columns = StaticColumns(5, 4, lambda of: np.zeros((9, 3 * len(of))))

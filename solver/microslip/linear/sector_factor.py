@@ -232,6 +232,30 @@ class SectorFactor:
         of_faces = np.hstack([diameter.on_faces(each) for diameter, each in zip(diameters, forces)])
         return np.concatenate([_substituted(L_j, of_joint - X @ of_faces, trans=1), of_faces])
 
+    @cached_property
+    def _of_joint(self) -> tuple[np.ndarray, np.ndarray]:
+        """The inverse of S on the joint with fixed faces, (n_j, n_j), and the joint's motion with the faces, (n_j, n_f)."""
+        assert self.dense is not None, "of a definite matrix"
+        L_j, X, _ = self.dense
+        inverse_L = _substituted(L_j, np.eye(len(L_j)))
+        return inverse_L.T @ inverse_L, -(inverse_L.T @ X)
+
+    def fixed_faces(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Return entries of S^-1 with fixed faces between rows (k,) and (l,) of the boundary, (k, l).  Local, rank 0."""
+        of_joint, n_j = self._of_joint[0], len(self.boundary.joint)
+        rows_j, columns_j = np.flatnonzero(rows < n_j), np.flatnonzero(columns < n_j)
+        entries = np.zeros((len(rows), len(columns)))
+        entries[np.ix_(rows_j, columns_j)] = of_joint[np.ix_(rows[rows_j], columns[columns_j])]
+        return entries
+
+    def with_faces(self, rows: np.ndarray) -> np.ndarray:
+        """Return the motion of rows (k,) of the boundary with that of the faces, (k, n_f).  Local, rank 0."""
+        n_j, is_of_joint = len(self.boundary.joint), rows < len(self.boundary.joint)
+        motion = np.zeros((len(rows), len(self.boundary.faces)))
+        motion[is_of_joint] = self._of_joint[1][rows[is_of_joint]]
+        motion[np.flatnonzero(~is_of_joint), rows[~is_of_joint] - n_j] = 1.0
+        return motion
+
     def destroy(self) -> None:
         """Free the factor.  Collective."""
         if self.interior is not None:
@@ -389,6 +413,12 @@ class DiameterFactor:
             self.L = packed_cholesky(S)
         return self.L is not None
 
+    def _packed(self) -> np.ndarray:
+        """Return the factor on the faces.  Local, rank 0."""
+        self._is_factored()
+        assert self.L is not None, "of a definite matrix"
+        return self.L
+
     def forget(self) -> None:
         """Free the factor on the faces; it is computed again when needed.  Local."""
         self.L = None
@@ -427,11 +457,9 @@ class DiameterFactor:
 
     def on_faces(self, F: np.ndarray) -> np.ndarray:
         """Return P_f S(d)^-1 P_f^H F, eq. (14.9), (n_f, q), real and then imaginary parts where complex.  Local, rank 0."""
-        self._is_factored()
-        assert self.L is not None, "of a definite matrix"
         P, m = self._P, F.shape[1] // 2
         r = P.conj().T @ (F[:, :m] + 1j * F[:, m:] if self._is_complex else F)
-        of_faces = P @ packed_solve(self.L, r)
+        of_faces = P @ packed_solve(self._packed(), r)
         return np.hstack([of_faces.real, of_faces.imag]) if self._is_complex else of_faces
 
     @cached_property
@@ -454,14 +482,14 @@ class DiameterFactor:
                 return None
 
         def entries() -> np.ndarray:
-            F = np.zeros((len(of_boundary), copies * len(forced)))
-            F[known[at[1]], np.arange(len(forced))] = 1.0
-            G = self.of_sector.on_boundary(F, [self], np.empty(0, int))[known[at[0]]][of_seen]
+            places, of_sector = [known[each] for each in at], self.of_sector
+            with_faces = [self._P.conj().T @ of_sector.with_faces(each).T for each in places]
+            G = of_sector.fixed_faces(*places) + with_faces[0].conj().T @ packed_solve(self._packed(), with_faces[1])
+            G = G[np.ix_(of_seen, of_forced)]
             if not self._is_complex:
-                return G[:, of_forced]
-            real, imaginary = G[:, of_forced], G[:, len(forced) + of_forced]
+                return G
             a, b = (rows % 2)[:, None], (columns % 2)[None, :]
-            return np.where(a == b, real, np.where(a > b, imaginary, -imaginary))
+            return np.where(a == b, G.real, np.where(a > b, G.imag, -G.imag))
 
         G_boundary = on_root(self.of_sector.comm, entries, share=False)
         return np.zeros((0, 0)) if G_boundary is None else G_boundary

@@ -26,12 +26,19 @@ class StaticColumns:
     solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
     batch : smallest number of pairs per solve
     is_complex : whether columns are complex, G_static = R K_L^-1 R^H
+    grows : whether batches become as large as the number of known pairs; in vain where columns are products
     """
 
     def __init__(
-        self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray], batch: int = BATCH, is_complex: bool = False
+        self,
+        n_pairs: int,
+        n_owned: int,
+        solve: Callable[[np.ndarray], np.ndarray],
+        batch: int = BATCH,
+        is_complex: bool = False,
+        grows: bool = True,
     ):
-        self.solve, self.batch, self.is_complex = solve, batch, is_complex
+        self.solve, self.batch, self.is_complex, self.grows = solve, batch, is_complex, grows
         self.n_owned = n_owned
         # transposed, so that the columns of a pair are contiguous; stored in the order of computation, without spare memory
         self._held: list[np.ndarray] = []
@@ -59,7 +66,7 @@ class StaticColumns:
             return
         expected = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
         together = max(int(_PART_BYTES / (72 * len(self.known))), self.batch)
-        wanted = min(max(self.batch, np.count_nonzero(self.known)), together)
+        wanted = min(max(self.batch, self.grows * np.count_nonzero(self.known)), together)
         missing = np.concatenate([missing, expected[: max(wanted - len(missing), 0)]])
         start = perf_counter()
         for first in range(0, len(missing), together):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from ..linear.dense import gram, multiply
 from ..messages.errors import CaseError
 from ..modes.eigen import Modes
 from ..parallel.agree import on_root
-from ..parallel.ownership import rows_of
+from ..parallel.ownership import rows_of, summed
 from ..receptance.circulant import Waves
 from ..receptance.modes import ProjectedModes
 from ..receptance.static_columns import StaticColumns
@@ -51,18 +52,20 @@ def with_static_shapes(stuck: Stuck, blades: tuple[PETSc.Mat, PETSc.Mat]) -> Stu
         for A in blades
     ]
     forces = np.hstack([given, of_joint, *(each if stuck.is_complex else each.real for each in of_blades)])
-    motions, phi_owned = stuck.solve(forces), stuck.modes.phi_owned
-    sizes = np.sqrt(np.diag(gram(comm, motions, stuck.product(stuck.M, motions))).real)
-    motions = motions - phi_owned @ (stuck.participation(forces) / stuck.omega_n[:, None] ** 2)
-    motions = motions / np.where(sizes > 0.0, sizes, 1.0)
-    K, M = (gram(comm, motions, stuck.product(A, motions)) for A in (stuck.K_L, stuck.M))
+    motions, phi_owned, n = stuck.solve(forces), stuck.modes.phi_owned, forces.shape[1]
+    of_M = stuck.product(stuck.M, np.hstack([motions, phi_owned]))
+    of_motions, of_phi = of_M[:, :n], of_M[:, n:]
+    sizes = np.sqrt(summed(comm, np.einsum("ij,ij->j", motions.conj(), of_motions)).real)
+    scale, of_modes = 1.0 / np.where(sizes > 0.0, sizes, 1.0), stuck.participation(forces)
+    q = of_modes / stuck.omega_n[:, None] ** 2
+    motions = (motions - phi_owned @ q) * scale
+    K, M = (gram(comm, motions, each) for each in (stuck.product(stuck.K_L, motions), (of_motions - of_phi @ q) * scale))
     squares, X = comm.bcast(_ritz(K, M))
     if len(squares) == 0:
         return stuck
-    of_modes = stuck.modes
-    info = {**of_modes.info, "complete": False, "proved": of_modes.n_proved}
+    info = {**stuck.modes.info, "complete": False, "proved": stuck.modes.n_proved}
     phi_owned = np.asfortranarray(np.hstack([phi_owned, motions @ X]))
-    return stuck.with_modes(Modes(np.append(of_modes.omega_n, np.sqrt(squares)), phi_owned, info))
+    return stuck.with_modes(Modes(np.append(stuck.omega_n, np.sqrt(squares)), phi_owned, info))
 
 
 def _ritz(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -79,26 +82,26 @@ def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PET
 
     Collective: gathers of the modes, and products.  ``blades`` are K_b and M_b on the rows of the nodes.
     """
-    parts = []
-    for d, each in zip(waves.diameters, tuned):
+    copies = [1 if waves.is_real(d) else 2 for d in waves.diameters]
+    ends = np.cumsum([0, *(m * each.n_modes for m, each in zip(copies, tuned))])
+    V: np.ndarray = np.empty((blades[0].getLocalSize()[0], ends[-1]), order="F")
+    for each, m, start in zip(tuned, copies, ends):
         owned = _on_nodes(each, blades[0])
-        parts += [owned.real] if waves.is_real(d) else [owned.real, owned.imag]
-    return [_form(tuned[0].comm, matrix, parts) for matrix in blades]
+        V[:, start : start + each.n_modes] = owned.real
+        if m == 2:
+            V[:, start + each.n_modes : start + 2 * each.n_modes] = owned.imag
+    return [_form(tuned[0].comm, matrix, V, ends) for matrix in blades]
 
 
-def _form(comm: MPI.Comm, matrix: PETSc.Mat, parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return V^T A V, (M, M), of a symmetric A; ``parts`` are columns of V, whose products are in memory one after the other.
+def _form(comm: MPI.Comm, matrix: PETSc.Mat, V: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return V^T A V, (M, M), of a symmetric A and this rank's rows of V; products with columns between ``ends`` one by one.
 
-    Collective: a product for each part.
+    Collective: a product for each block of columns.
     """
-    ends = np.cumsum([0, *(part.shape[1] for part in parts)])
-    form = np.empty((ends[-1], ends[-1]))
-    for j, part in enumerate(parts):
-        product, columns = multiply(matrix, part), slice(*ends[j : j + 2])
-        for i in range(j + 1):
-            rows = slice(*ends[i : i + 2])
-            form[rows, columns] = gram(comm, parts[i], product)
-            form[columns, rows] = form[rows, columns].T
+    form = np.empty((V.shape[1], V.shape[1]))
+    for start, end in pairwise(ends):
+        form[:end, start:end] = gram(comm, V[:, :end], multiply(matrix, V[:, start:end]))
+        form[start:end, :start] = form[:start, start:end].T
     return form
 
 
@@ -175,7 +178,7 @@ def with_modes_changed(static: StaticResponse, modes: ProjectedModes, dF: np.nda
 
     return replace(
         static,
-        G_static=StaticColumns(len(G.known), G.n_owned, columns),
+        G_static=StaticColumns(len(G.known), G.n_owned, columns, grows=False),
         du_static=static.du_static + exchanged("R_phi", "b"),
         out_static=static.out_static + exchanged("o", "b"),
         out_R=static.out_R + exchanged("o", "R_phi"),
