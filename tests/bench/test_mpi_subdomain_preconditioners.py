@@ -94,7 +94,7 @@ def test_clusters_are_of_neighbours(problem):
     at = linearised(problem)
     computed = bisected(at.G, [np.arange(N_PAIRS)], 16)
     assert np.array_equal(np.sort(np.concatenate(computed)), np.arange(N_PAIRS)) and 9 <= min(map(len, computed))
-    assert coupling(at.G, 5)[5] == 1.0 == coupling(at.G, 5).max()
+    assert coupling(at.G, 5, np.arange(N_PAIRS))[5] == 1.0 == coupling(at.G, 5, np.arange(N_PAIRS)).max()
     every, shape = np.arange(N_PAIRS), synthetic.grid(N_PAIRS)
     steps = np.array(divmod(synthetic.offsets(every, every, shape), shape[1])).T
     distance = np.linalg.norm(np.minimum(steps, shape - steps) / shape, axis=2)
@@ -115,7 +115,9 @@ def test_sectors_are_solved_for_exactly(problem, monkeypatch):
     b = np.random.default_rng(3).standard_normal((len(active), 3, N_H))
     owned = (active >= equation.model.owned.start) & (active < equation.model.owned.stop)
     made = of_wide_slip(at)
-    assert isinstance(made, SectorsPreconditioner) and [len(rows) // 3 for rows in made.subdomains] == [n, n // 2, n, n]
+    every = set().union(*equation.comm.allgather({(rows[0], len(rows) // 3) for rows in made.subdomains}))
+    assert isinstance(made, SectorsPreconditioner) and [size for _, size in sorted(every)] == [n, n // 2, n, n]
+    assert equation.comm.size == 1 or len(made.subdomains) < 4  # those with pairs of the rank
     P, amplitudes = equation.gather(complex_linear(at.P, N_H)), to_complex(b.reshape(-1, N_H))
     for k, G_n in enumerate(at.G.blocks()):
         B_n = np.eye(len(G_n)) + REGULAR * G_n @ block_diag(*P[:, k])

@@ -21,7 +21,7 @@ from .preconditioner import REGULAR, HarmonicPreconditioner, Inverse, PairsPreco
 
 LOCAL = 64  # largest number of pairs of a subdomain
 REGIONS = 32  # approximate number of regions of the coarse space
-LARGEST_SECTOR = 250  # active pairs of a sector of a disc that are solved for exactly
+LARGEST_SECTOR = 110  # active pairs of a sector of a disc that are solved for exactly
 LARGE = 500  # active pairs beyond which the factors of the whole B_n cost more than they save
 
 
@@ -35,7 +35,7 @@ def of_wide_slip(at: Linearisation) -> PairsPreconditioner:
 class SectorsPreconditioner(PairsPreconditioner):
     """The blocks of B_n, eq. (5.5), within each sector of a whole disc: the pairs of two sectors are coupled by the disc only.
 
-    Collective.  A sector of more than ``LARGEST_SECTOR`` active pairs is bisected.
+    Collective.  A sector of more than ``LARGEST_SECTOR`` active pairs is bisected.  A rank solves for the blocks with its pairs.
     """
 
     def __init__(self, at: Linearisation):
@@ -43,12 +43,17 @@ class SectorsPreconditioner(PairsPreconditioner):
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
         sector = at.forces.active // (at.equation.model.n_pairs // at.equation.model.n_sectors)
         of_sectors = [np.flatnonzero(sector == s) for s in np.unique(sector)]
-        self.subdomains = [rows_of(part) for part in bisected(at.G, of_sectors, LARGEST_SECTOR)]
-        self.local = [np.array([each.of_B for each in _inverses(at, P, rows)]) for rows in self.subdomains]
+        self.subdomains, self.local = [], []
+        for rows in map(rows_of, bisected(at.G, of_sectors, LARGEST_SECTOR)):
+            is_mine = bool(((rows >= self.local_rows.start) & (rows < self.local_rows.stop)).any())
+            inverses = _inverses(at, P, rows, is_mine)
+            if is_mine:
+                self.subdomains.append(rows)
+                self.local.append(np.array([each.of_B for each in inverses]))
 
     def solve_all(self, b: np.ndarray) -> np.ndarray:
-        """Return the solutions for the right-hand sides b, those of all harmonics of a sector at once."""
-        of_harmonics, x = np.ascontiguousarray(b.T), np.empty_like(b.T, order="C")
+        """Return the solutions for the right-hand sides b, those of all harmonics of a sector at once; of other ranks 0."""
+        of_harmonics, x = np.ascontiguousarray(b.T), np.zeros_like(b.T, order="C")
         for rows, inverses in zip(self.subdomains, self.local):
             is_range = rows[-1] - rows[0] == len(rows) - 1  # of a sector that is not bisected: a view
             places = slice(rows[0], rows[-1] + 1) if is_range else rows
@@ -102,11 +107,14 @@ class _Regions:
         return motion, r - self.B_Z[n] @ y
 
 
-def _inverses(at: Linearisation, P: np.ndarray, rows: np.ndarray) -> list[Inverse]:
-    """Return the inverse of the block of B_n of one subdomain, for each harmonic.  Collective: one gather."""
+def _inverses(at: Linearisation, P: np.ndarray, rows: np.ndarray, is_mine: bool = True) -> list[Inverse]:
+    """Return the inverse of the block of B_n of one subdomain, for each harmonic; none unless ``is_mine``.
+
+    Collective: one gather.
+    """
     pairs = rows[::3] // 3
-    inverses = []
-    for n, G_n in enumerate(at.G.blocks(pairs)):
+    blocks, inverses = at.G.blocks(pairs), []
+    for n, G_n in enumerate(blocks if is_mine else ()):
         G_P = np.einsum("rmi,mij->rmj", G_n.reshape(len(rows), -1, 3), P[pairs, n]).reshape(G_n.shape)
         inverses.append(Inverse(np.eye(len(rows)) + G_P))
     return inverses

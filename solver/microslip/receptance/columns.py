@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +17,15 @@ from .reduced_model import HarmonicGroup, ReducedModel
 from .rows import Rows
 from .static_columns import ChosenColumns
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 
 class GroupColumns:
     """Columns of G_n(omega) of one harmonic group for some pairs, with the rows of this rank's pairs.
 
-    Forces and motions are the N_H real coefficients of the group's harmonics.  All methods are local.
+    Forces and motions are the N_H real coefficients of the group's harmonics.  Products of a whole disc are collective;
+    everything else is local.
     """
 
     def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
@@ -71,11 +76,12 @@ class GroupColumns:
 
 
 class SectorColumns(GroupColumns):
-    """Columns of G_n of a whole disc, multiplied by transforms over its sectors."""
+    """Columns of G_n of a whole disc, multiplied by transforms over its sectors.  Products are collective on ``comm``."""
 
-    def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
+    def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice, comm: MPI.Comm):
         assert group.receptance.sectors is not None, "a whole disc"
         self.products, self.rows_active, self.rows_owned = group.receptance.sectors, rows_of(active), owned
+        self.comm = comm
         super().__init__(group, c, active, owned)
 
     def _largest_static(self) -> float:
@@ -83,28 +89,30 @@ class SectorColumns(GroupColumns):
 
     def static_block(self, part: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Return G_static as the base class, without static columns."""
-        flexible = (self.R_owned[rows] / self.products.squares) @ self.R_active[part].T
+        flexible = self.R_owned[rows] @ (self.R_active[part] / self.products.squares).T
         return self.products.static_block(self.rows_owned.start + rows, self.rows_active[part]) + flexible
 
     def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
         """Return the part of the modes as the base class."""
-        return self._moved(self.rows_active, p, self.rows_owned, self.products.rate(c), of_modes_only=True)
+        return self._moved(p, self.products.rate(c), of_modes_only=True)
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p as the base class."""
-        return self._moved(self.rows_active, p, self.rows_owned, self.products.flexibility(self.c))
+        return self._moved(p, self.products.flexibility(self.c))
 
     def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
-        """Return G^H x as the base class."""
-        return self._moved(self.rows_owned, x, self.rows_active, self.products.flexibility(self.c.adjoint()))
+        """Return this rank's part of G^H x as the base class: that of its diameters."""
+        c, motions = (
+            self.products.flexibility(self.c.adjoint()),
+            np.concatenate(self.comm.allgather(x)),
+        )  # rank order is row order
+        return self.products.unit * self.products.apply(motions, c, self.comm, is_part=True)[self.rows_active]
 
-    def _moved(
-        self, under: np.ndarray | slice, p: np.ndarray, wanted: np.ndarray | slice, c: Flexibility, of_modes_only: bool = False
-    ) -> np.ndarray:
-        """Return the motion of some rows under forces on the rows ``under``."""
+    def _moved(self, p: np.ndarray, c: Flexibility, of_modes_only: bool = False) -> np.ndarray:
+        """Return the motion of this rank's rows under forces on the active pairs."""
         forces = np.zeros((self.products.n_rows, p.shape[1]))
-        forces[under] = p
-        return self.products.unit * self.products.apply(forces, c, of_modes_only)[wanted]
+        forces[self.rows_active] = p
+        return self.products.unit * self.products.apply(forces, c, self.comm, of_modes_only)[self.rows_owned]
 
 
 def _group_columns(
@@ -113,8 +121,9 @@ def _group_columns(
     """Return the columns of a group; by transforms over the sectors where these are fewer, or for blocks.  Collective."""
     sectors, m = group.receptance.sectors, len(group.receptance.modes.omega_n)
     n_dense = _n_products(3 * len(active), 3 * model.n_pairs // model.comm.size, m)  # the same on all ranks
-    by_sectors = sectors is not None and (for_blocks or sectors.n_products < n_dense)
-    return (SectorColumns if by_sectors else GroupColumns)(group, c, active, model.owned_rows)
+    if sectors is not None and (for_blocks or sectors.n_products(model.comm.size) < n_dense):
+        return SectorColumns(group, c, active, model.owned_rows, model.comm)
+    return GroupColumns(group, c, active, model.owned_rows)
 
 
 def _n_products(n_active: int, n_rows: int, n_modes: int) -> int:
@@ -149,7 +158,10 @@ class ReceptanceColumns:
         return self.model.joined([term(x[:, group.group.columns]) for term, group in zip(terms, self.groups)])
 
     def apply(self, p: np.ndarray) -> np.ndarray:
-        """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
+        """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].
+
+        Local; of a whole disc collective.
+        """
         if len(p) == 0:
             return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))
         return self._joined([group.apply for group in self.groups], p).reshape(self.shape)
@@ -168,9 +180,9 @@ class ReceptanceColumns:
         return self.model.joined(terms).reshape(self.shape)
 
     def apply_transposed(self, x: np.ndarray) -> np.ndarray:
-        """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H).  Local; to be summed over the ranks.
+        """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H); to be summed over the ranks.
 
-        G^T is the transposed map of real coefficients, which is G^H for complex amplitudes.
+        Local; of a whole disc collective.  G^T is the transposed map of real coefficients, which is G^H for complex amplitudes.
         """
         return self._joined([group.apply_adjoint for group in self.groups], x.reshape(-1, x.shape[-1]))
 
@@ -213,13 +225,15 @@ class ReceptanceColumns:
             moved[j] += self.groups[k].c.between(R[owned], i, (R[rows].conj().T @ force).conj().T)
         return moved
 
-    def static_coupling(self, pair: int) -> np.ndarray:
-        """Return the size of the static motion of this rank's active pairs under forces on one active ``pair``, (m,).
+    def static_coupling(self, pair: int, chosen: np.ndarray) -> np.ndarray:
+        """Return the size of the static motion of some of the active pairs under forces on one active ``pair``, (m,).
 
-        Local.  The first group is used for all groups.
+        Collective: one gather.  ``chosen`` (m,) are ascending numbers among the active pairs; the first group is used for all.
         """
-        block = self.groups[0].static_block(rows_of(np.array([pair])), self.rows).T  # (3, 3 m)
-        return np.linalg.norm(block.reshape(3, -1, 3), axis=(0, 2))
+        rows = rows_of(self._owned(self.active[chosen]))
+        block = self.groups[0].static_block(rows_of(np.array([pair])), rows).T  # (3, 3 m_owned)
+        size = np.linalg.norm(block.reshape(3, -1, 3), axis=(0, 2))
+        return size if self.model.comm.size == 1 else np.concatenate(self.model.comm.allgather(size))  # rank order is row order
 
     def matrix(self) -> np.ndarray:
         """Return G between the active pairs, all harmonics, (3 n_active N_H, 3 n_active N_H) [m/N].  Collective: see ``blocks``.
@@ -258,7 +272,7 @@ class ActiveColumns:
             part.move_to(groups, self.unit)
 
     def apply(self, p: np.ndarray) -> np.ndarray:
-        """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
+        """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N]."""
         if len(self._parts) == 1:
             return self._parts[0].apply(p)
         motion = np.empty((self.n_rows, p.shape[1]))
@@ -267,7 +281,7 @@ class ActiveColumns:
         return motion
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
-        """Return G p for several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in these units.  Local."""
+        """Return G p for several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in these units."""
         p = p.astype(self.precision, copy=False)
         if len(self._parts) == 1:
             return self._parts[0].apply_to_several(p)
@@ -292,7 +306,7 @@ def _kind(groups: list[GroupColumns], n_ranks: int) -> type[_RealGroup | _Comple
     """Return the kind of products of some groups with the fewest of them, if each rank has as many active pairs."""
     first, n_active = groups[0], 3 * len(groups[0].active)
     n_dense = _n_products(n_active, n_active // n_ranks, first.R_owned.shape[1])
-    if isinstance(first, SectorColumns) and first.products.n_products < n_dense:
+    if isinstance(first, SectorColumns) and first.products.n_products(n_ranks) < n_dense:
         return _SectorsGroup
     return _ComplexGroups if first.is_complex else _RealGroup
 
@@ -303,7 +317,7 @@ class _SectorsGroup:
     def __init__(self, groups: list[GroupColumns], rows: np.ndarray, unit: float, precision: type):
         (G,) = groups
         assert isinstance(G, SectorColumns)
-        self.coefficients, self.products = G.group.columns, G.products.in_precision(precision)
+        self.coefficients, self.products, self.comm = G.group.columns, G.products.in_precision(precision), G.comm
         self.rows_active, self.rows_owned = G.rows_active, G.rows_owned.start + rows
         self.scale = precision(G.products.unit / unit)
 
@@ -316,7 +330,7 @@ class _SectorsGroup:
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         forces = np.zeros((self.products.n_rows, len(p), p.shape[2]), dtype=self.products.Y.dtype)
         forces[self.rows_active] = p.swapaxes(0, 1)
-        return self.scale * self.products.apply(forces, self.flexibility)[self.rows_owned].swapaxes(0, 1)
+        return self.scale * self.products.apply(forces, self.flexibility, self.comm)[self.rows_owned].swapaxes(0, 1)
 
 
 class _RealGroup:

@@ -169,7 +169,11 @@ class Flexibility:
 
     def between(self, x: np.ndarray, i: int, y: np.ndarray) -> np.ndarray:
         """Return x c_n y^H, complex (a, b), for the i-th harmonic and participations x (a, m) and y (b, m)."""
-        return (x * self.c[:, i] if self.c.ndim == 2 else x @ self.c[i]) @ y.conj().T
+        c = self.c[:, i] if self.c.ndim == 2 else self.c[i]
+        if np.iscomplexobj(x) or np.iscomplexobj(y):
+            return (x * c if c.ndim == 1 else x @ c) @ y.conj().T
+        real, imaginary = ((x * part if part.ndim == 1 else x @ part.copy()) @ y.T for part in (c.real, c.imag))
+        return real + 1j * imaginary
 
     def row(self, j: int, i: int) -> np.ndarray:
         """Return row j of c_n for the i-th harmonic, complex (m,)."""

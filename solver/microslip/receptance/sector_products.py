@@ -5,7 +5,7 @@ G_n of a disc whose modes are combinations X of those of the tuned disc is, with
     G_n = F^-1 (A'(d) + w_d phi_d Y_d D_n^-1 Re(Y^H phi^H)) F,        A'(d) = G_static(d) - phi_d Omega_d^-2 phi_d^H,
 
 where Y_d are the rows of X of diameter d, scaled, w_d is N / 2, or N for d = 0 and N / 2, and D_n the dynamic stiffness of the
-combined modes.  docs/theory.md, section 17.  NumPy only; everything is local.
+combined modes.  docs/theory.md, section 17.  The diameters are distributed over the ranks.
 """
 
 from __future__ import annotations
@@ -13,11 +13,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..parallel.ownership import split_evenly
 from .circulant import Waves
 from .damping import Flexibility
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 class SectorProducts:
@@ -48,19 +53,18 @@ class SectorProducts:
         self.R_unit = max(float(np.abs(R).max(initial=0.0)) for R in R_phi) or 1.0  # kg^-1/2
         turns = 2.0 * np.pi / N * np.outer(waves.diameters, np.arange(N))
         once = np.array([1.0 if waves.is_real(d) else 2.0 for d in waves.diameters])  # a diameter and its conjugate
-        self.forward = np.concatenate([np.cos(turns), -np.sin(turns)])  # (2 D, N)
-        self.backward = np.concatenate([np.cos(turns).T * once, -np.sin(turns).T * once], axis=1) / N  # (N, 2 D)
+        self.forward = np.stack([np.cos(turns), -np.sin(turns)], axis=1)  # (D, 2, N), real and imaginary parts
+        self.backward = (self.forward * once[:, None, None] / N).transpose(2, 0, 1)  # (N, D, 2)
         self.columns = np.zeros((D, n_rows + m, n_rows), dtype=complex)  # A'(d), then phi^H
         self.R = np.zeros((D, n_rows, m), dtype=complex)  # w_d phi_d
-        self.Y = np.zeros((2, D, m, len(X)))  # of real and imaginary parts
+        self.Y = np.zeros((D, 2, m, len(X)))  # of real and imaginary parts
         ends = np.cumsum([0, *waves.counts([R.shape[1] for R in R_phi])])
         for d, (of_d, R, omega) in enumerate(zip(G, R_phi, omega_n)):
             k, rows, root = R.shape[1], X[ends[d] : ends[d + 1]], np.sqrt(once[d] / N)
             self.columns[d, :n_rows] = (of_d - (R / omega**2) @ R.conj().T) / self.unit
             self.columns[d, n_rows : n_rows + k], self.R[d, :, :k] = R.conj().T / self.R_unit, R * (N / once[d] / self.R_unit)
-            self.Y[0, d, :k] = root * rows[:k]
-            self.Y[1, d, : len(rows) - k] = -root * rows[k:]
-        self.Y = self.Y.reshape(-1, len(X))
+            self.Y[d, 0, :k] = root * rows[:k]
+            self.Y[d, 1, : len(rows) - k] = -root * rows[k:]
         self._in_single: SectorProducts | None = None
 
     @property
@@ -68,10 +72,10 @@ class SectorProducts:
         """The number of rows of the pairs of all sectors."""
         return self.n_sectors * self.R.shape[1]
 
-    @property
-    def n_products(self) -> int:
-        """The number of real products for each column of forces."""
-        return 4 * (self.columns.size + self.R.size) + 2 * self.Y.size + 2 * self.forward.size * self.columns.shape[2]
+    def n_products(self, n_ranks: int) -> int:
+        """Return the number of real products of a rank for each column of forces."""
+        n_all = 4 * (self.columns.size + self.R.size) + 2 * self.Y.size + 2 * self.forward.size * self.columns.shape[2]
+        return n_all * -(-len(self.R) // n_ranks) // len(self.R)
 
     def in_precision(self, precision: type) -> SectorProducts:
         """Return the same products in single or double precision; a copy in single precision is made once."""
@@ -103,46 +107,65 @@ class SectorProducts:
         """Return a rate of D_n^-1, which is that of c_n, without unit."""
         return Flexibility(rate.c * (self.R_unit * (self.R_unit / self.unit)))
 
-    def apply(self, p: np.ndarray, flexibility: Flexibility, of_modes_only: bool = False) -> np.ndarray:
+    def apply(
+        self, p: np.ndarray, flexibility: Flexibility, comm: MPI.Comm, of_modes_only: bool = False, is_part: bool = False
+    ) -> np.ndarray:
         """Return the motions of all pairs in ``unit``, (3 n N, ..., N_H), under forces p (3 n N, ..., N_H): eq. (17.7).
 
-        ``flexibility`` is that of the combined modes, without unit; only their part of G_n is applied if ``of_modes_only``.
+        Collective on ``comm``, whose ranks have the same forces: two sums.  ``flexibility`` is that of the combined modes,
+        without unit; only their part of G_n is applied if ``of_modes_only``.  With ``is_part`` the sum over the ranks is the
+        motion.
         """
-        D, n_rows, _ = self.R.shape
-        first = n_rows if of_modes_only else 0
-        parts = (self.forward @ p.reshape(self.n_sectors, -1)).reshape(2, D, n_rows, -1)
-        product = self.columns[:, first:] @ _complex(parts, self.R.dtype)
-        q, motion = product[:, n_rows - first :], product[:, : n_rows - first]
-        modal = self.Y.T @ _parts(q, (len(self.Y), -1))
-        eta = flexibility.apply(modal.reshape(len(modal), *p.shape[1:])).astype(self.Y.dtype, copy=False)
-        moved = self._moved(eta.reshape(modal.shape))
-        return self._in_sectors(moved if of_modes_only else motion + moved).reshape(p.shape)
+        (D, n_rows, _), N = self.R.shape, self.n_sectors
+        first, mine = n_rows if of_modes_only else 0, slice(*split_evenly(D, comm.size)[comm.rank : comm.rank + 2])
+        forces = p.reshape(N, n_rows, -1).swapaxes(1, 2)  # in rows: products with a few rows are twice as fast as with columns
+        parts = (self.forward[mine].reshape(-1, N) @ forces.reshape(N, -1)).reshape(-1, 2, forces.shape[1], n_rows)
+        product = _complex(parts, self.R.dtype) @ self.columns[mine, first:].swapaxes(1, 2)
+        motion, q = product[..., : n_rows - first], product[..., n_rows - first :]
+        q_mine = _parts(q).transpose(2, 0, 1, 3).reshape(q.shape[1], -1)
+        modal = _total(comm, q_mine @ self.Y[mine].reshape(-1, len(self.squares)))
+        eta = flexibility.apply(modal.T.reshape(-1, *p.shape[1:])).astype(self.Y.dtype, copy=False)
+        moved = self._moved(eta.reshape(modal.T.shape), mine)
+        of_mine = self._in_sectors(moved if of_modes_only else motion + moved, mine).reshape(p.shape)
+        return of_mine if is_part else _total(comm, of_mine)
 
     def of_modes(self, eta: np.ndarray) -> np.ndarray:
-        """Return R phi eta of all pairs, (3 n N, k) [m], for coordinates eta (M, k) of the modes of the disc."""
-        return self.R_unit * self._in_sectors(self._moved(eta))
+        """Return R phi eta of all pairs, (3 n N, k) [m], for coordinates eta (M, k) of the modes of the disc.  Local."""
+        every = slice(None)
+        return self.R_unit * self._in_sectors(self._moved(eta, every), every)
 
-    def _moved(self, eta: np.ndarray) -> np.ndarray:
-        """Return the transform of the motion of modes, (D, 3 n, k)."""
-        D, _, m = self.R.shape
-        return self.R @ _complex((self.Y @ eta).reshape(2, D, m, -1), self.R.dtype)
+    def _moved(self, eta: np.ndarray, mine: slice) -> np.ndarray:
+        """Return the transform of the motion of modes with coordinates eta (M, k), of some diameters, (d, k, 3 n)."""
+        of_diameters = eta.T @ self.Y[mine].reshape(-1, len(eta)).T
+        parts = of_diameters.reshape(eta.shape[1], -1, 2, self.R.shape[2]).transpose(1, 2, 0, 3)
+        return _complex(parts, self.R.dtype) @ self.R[mine].swapaxes(1, 2)
 
-    def _in_sectors(self, spectrum: np.ndarray) -> np.ndarray:
-        """Return motions (3 n N, k) from their transform (D, 3 n, k)."""
-        D, _, k = spectrum.shape
-        return (self.backward @ _parts(spectrum, (2 * D, -1))).reshape(-1, k)
+    def _in_sectors(self, spectrum: np.ndarray, mine: slice) -> np.ndarray:
+        """Return motions (3 n N, k) from their transform for some diameters, (d, k, 3 n)."""
+        (_, k, n_rows), N = spectrum.shape, self.n_sectors
+        of_sectors = self.backward[:, mine].reshape(N, -1) @ _parts(spectrum).reshape(-1, k * n_rows)
+        return of_sectors.reshape(N, k, n_rows).swapaxes(1, 2).reshape(-1, k)
 
 
 _SINGLE = {"forward": np.float32, "backward": np.float32, "columns": np.complex64, "R": np.complex64, "Y": np.float32}
 
 
 def _complex(parts: np.ndarray, kind: np.dtype) -> np.ndarray:
-    """Return complex numbers of real and imaginary parts (2, ...)."""
-    values: np.ndarray = np.empty(parts.shape[1:], dtype=kind)
-    values.real, values.imag = parts
+    """Return complex numbers (d, ...) of real and imaginary parts (d, 2, ...)."""
+    values: np.ndarray = np.empty((len(parts), *parts.shape[2:]), dtype=kind)
+    values.real, values.imag = parts[:, 0], parts[:, 1]
     return values
 
 
-def _parts(values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return the real and imaginary parts of complex numbers, in this shape."""
-    return np.array([values.real, values.imag]).reshape(shape)
+def _parts(values: np.ndarray) -> np.ndarray:
+    """Return the real and imaginary parts (d, 2, ...) of complex numbers (d, ...)."""
+    return np.stack([values.real, values.imag], axis=1)
+
+
+def _total(comm: MPI.Comm, part: np.ndarray) -> np.ndarray:
+    """Return the sum over the ranks, in the precision of the parts.  Collective."""
+    if comm.size == 1:
+        return part
+    total = np.empty(part.shape, dtype=part.dtype)
+    comm.Allreduce(np.ascontiguousarray(part), total)
+    return total

@@ -29,19 +29,18 @@ def _halves(G: ReceptanceColumns, subdomain: np.ndarray) -> list[np.ndarray]:
 
     The ends are the pair most weakly coupled to an arbitrary pair, and the pair most weakly coupled to this one.
     """
-    first = subdomain[np.argmin(coupling(G, int(subdomain[0]))[subdomain])]
-    to_first = coupling(G, int(first))[subdomain]
+    first = subdomain[np.argmin(coupling(G, int(subdomain[0]), subdomain))]
+    to_first = coupling(G, int(first), subdomain)
     last = subdomain[np.argmin(to_first)]
-    order = np.argsort(to_first / coupling(G, int(last))[subdomain], kind="stable")
+    order = np.argsort(to_first / coupling(G, int(last), subdomain), kind="stable")
     middle = len(subdomain) // 2
     return [np.sort(subdomain[order[middle:]]), np.sort(subdomain[order[:middle]])]
 
 
-def coupling(G: ReceptanceColumns, pair: int) -> np.ndarray:
-    """Return the static motion of each active pair under forces on ``pair``, relative to the motion of ``pair``, (n_active,).
+def coupling(G: ReceptanceColumns, pair: int, among: np.ndarray) -> np.ndarray:
+    """Return the static motion of some active pairs under forces on one ``pair`` of them, relative to its motion, (m,).
 
-    Collective: one gather.
+    Collective: one gather.  ``among`` (m,) are ascending numbers among the active pairs.
     """
-    owned = G.static_coupling(pair)
-    size = owned if G.model.comm.size == 1 else np.concatenate(G.model.comm.allgather(owned))  # rank order is row order
-    return np.maximum(size / (size[pair] or 1.0), _LEAST)
+    size = G.static_coupling(pair, among)
+    return np.maximum(size / (size[np.searchsorted(among, pair)] or 1.0), _LEAST)
