@@ -379,7 +379,7 @@ def test_a_harmonic_that_meets_another_mode_is_said(structure):
         (one_mass(mu=np.zeros(1)), 1, "no pair has friction"),
         (on_a_stop() | {"N0": np.zeros(1)}, 1, "no pair has friction and a preload, and none a gap"),
         (one_slack(), 2, "all pairs that mode 2 moves are closed without a preload"),
-        (on_a_stop() | {"K": np.diag([2.0, 0.0])}, 1, "1 of 1 pair is open at rest, and without their springs"),
+        (on_a_stop() | {"K": np.diag([2.0, 0.0])}, 1, "1 of 1 pair is open at rest, and without contact there"),
         (one_mass(loads=[{"vector": [1.0], "harmonic": n, "phase": 0.0} for n in (0, 1)]), 1, "[[loads]] with harmonic = 0"),
     ],
 )

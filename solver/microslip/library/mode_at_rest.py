@@ -79,7 +79,7 @@ def pairs_without_springs(prepared: Prepared) -> tuple[Prepared, int]:
         n = int(has_gap.sum())
         raise CaseError(
             f"{prepared.scene.path}: backbone: {n} of {counted(pairs.n_pairs, 'pair')} {verb(n, 'are')} open at rest, "
-            "and without their springs the structure has no support, so that no mode of it vibrates about rest; close "
+            "and without contact there the structure has no support, so that no mode of it vibrates about rest; close "
             "the gaps, or add supports"
         ) from problem
     structure = replace(prepared.structure, pairs=at_rest)
