@@ -17,7 +17,7 @@ from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.maximum import EXACT, Maximum, Sample, _Search
-from microslip.continuation.peaks import PeakOver, between_points, follow_peak, iterate_of, peaks_of
+from microslip.continuation.peaks import PeakOver, PeakPath, between_points, follow_peak, iterate_of, peaks_of
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.operating_point import LawParameter
@@ -193,7 +193,7 @@ def test_the_peak_over_the_level_is_one_branch():
     n_samples, levels = 512, (123.024, 180.0, 240.0)
     of_curves = {level: peaks(damper(), level, 1, n_samples)[1][0] for level in (1.0, *levels)}
     equation = forced(*reduced(damper(), COMM, 1), n_samples, 1.0).equation
-    curve = follow_peak(equation, "level", Sweep(10.0, 300.0, levels), of_curves[1.0], 1e-10)
+    curve = follow_peak(equation, PeakPath("level", Sweep(10.0, 300.0, levels), of_curves[1.0]), 1e-10)
     assert curve.failure is None and len(curve.points) < 60
     assert curve.points[0].state.max() == 0 < curve.points[-1].state.max()
     requested = [point for point in curve.points if point.requested]
@@ -210,7 +210,7 @@ def test_a_peak_near_the_end_of_a_branch_is_between_closer_solutions(monkeypatch
     """Where no solution lies 0.06 rad before it: the usual distance is two samples, 0.098 rad."""
     level, stuck = 123.024, peaks(damper(), 1.0, 1, 128)[1][0]
     equation = forced(*reduced(damper(), COMM, 1), 128, 1.0).equation
-    lead = follow_peak(equation, "level", Sweep(100.0, level), stuck, 1e-10).points[-1]
+    lead = follow_peak(equation, PeakPath("level", Sweep(100.0, level), stuck), 1e-10).points[-1]
     begins = iterate_of(lead, forced(*reduced(damper(), COMM, 1), 128, level), Harmonics.up_to(1))
     solved = maximum_by_phase._Search.solved
 
@@ -219,9 +219,8 @@ def test_a_peak_near_the_end_of_a_branch_is_between_closer_solutions(monkeypatch
         return replace(solution, failure="the branch ends") if theta < -0.06 else solution
 
     monkeypatch.setattr(maximum_by_phase._Search, "solved", ending)
-    curve = follow_peak(
-        equation, "level", Sweep(level, 200.0), stuck, 1e-10, level, begins=begins, until=lambda point: True, is_homotopy=True
-    )
+    path = PeakPath("level", Sweep(level, 200.0), stuck, level, begins=begins, is_homotopy=True)
+    curve = follow_peak(equation, path, 1e-10, until=lambda point: True)
     assert curve.failure is None
     assert amplitude(curve.points[0]) == pytest.approx(amplitude(lead), rel=1e-5)
 
@@ -232,7 +231,7 @@ def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
     """One mass: its peak depends on level / (mu N) alone, so that half the friction is twice the level at half the size."""
     stuck, twice = (peaks(damper(), level, 1, 128)[1][0] for level in (1.0, 246.048))
     equation, friction = forced(*reduced(damper(), COMM, 1), 128, 1.0).equation, LawParameter("mu", np.arange(1), np.ones(1))
-    curve = follow_peak(equation, friction, Sweep(2.0, 0.5), stuck, 1e-10, level=123.024)
+    curve = follow_peak(equation, PeakPath(friction, Sweep(2.0, 0.5), stuck, level=123.024), 1e-10)
     assert curve.failure is None
     assert amplitude(curve.points[-1]) == pytest.approx(0.5 * abs(twice.amplitude), rel=10.0 / 128**2)
 

@@ -362,9 +362,9 @@ def test_a_peak_begins_on_the_curve_where_no_peak_over_the_level_leads_there(com
 
     follow_peak = peak_curves.follow_peak
 
-    def without_lead(equation, varies, sweep, *rest, **keys):
-        branch = follow_peak(equation, varies, sweep, *rest, **keys)
-        return replace(branch, failure="lost") if sweep.stop == level else branch
+    def without_lead(equation, path, *rest, **keys):
+        branch = follow_peak(equation, path, *rest, **keys)
+        return replace(branch, failure="lost") if path.sweep.stop == level else branch
 
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
         response = prepare(structure).response

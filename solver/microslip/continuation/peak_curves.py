@@ -18,12 +18,12 @@ from ..points.peak import Peak
 from ..points.sweep import Sweep
 from ..receptance.motions import linear_motion, output_motion
 from ..receptance.reduced_model import ReducedModel
-from .accuracy import accuracy_of
+from .accuracy import Accuracy, accuracy_of
 from .checkpointer import NO_CHECKPOINTS, Checkpointer, finished_or
 from .follow import follow_branch
 from .iterate import Iterate
 from .levels import ResponseProblem, linear_curve, most_points
-from .peaks import follow_peak, harmonics_of, iterate_of, maxima, nobody, with_value
+from .peaks import PeakPath, follow_peak, harmonics_of, iterate_of, maxima, nobody, with_value
 from .problems import ForcedResponse
 from .resonances import FAINT_PEAK
 
@@ -130,24 +130,19 @@ def _follow(
 
     It begins at the ``top`` of the curve at the begin of the range where no peak over the level leads there.
     """
-    equation, tolerance, varies = of.at_level(request.level).equation, of.settings.tolerance, request.varies
+    equation, varies = of.at_level(request.level).equation, request.varies
     level = 0.0 if varies == "level" else request.level
     if stuck.damping < UNDAMPED:
         return Branch(level, failure=UNBOUNDED)
     begins, why = peak_at_begin(of, request, stuck, top)
     if why is not None:
         return Branch(level, failure=why)
-    estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
-    accuracy = accuracy_of(of.settings, equation) if estimator else None
-    accuracy = accuracy and replace(accuracy, chooses_steps=False)
+    estimator, accuracy = _error_bars(of, equation)
+    path = PeakPath(varies, Sweep(*request.range, request.at, may_miss=True), stuck, request.level, begins=begins)
     branch = follow_peak(
         equation,
-        varies,
-        Sweep(*request.range, request.at, may_miss=True),
-        stuck,
-        tolerance,
-        request.level,
-        begins=begins,
+        path,
+        of.settings.tolerance,
         estimator=estimator,
         accuracy=accuracy,
         on_point=on_point,
@@ -157,6 +152,14 @@ def _follow(
     if branch.failure is not None and branch.points:
         branch.failure += beyond_the_end(of, request, stuck, branch.points[-1])
     return branch
+
+
+def _error_bars(of: ResponseProblem, equation: HarmonicBalance) -> tuple[ErrorEstimator | None, Accuracy | None]:
+    """Return the error bars of a curve of peaks, and the accuracy that chooses its harmonics and samples.  Collective."""
+    if of.enriched is None:
+        return None, None
+    accuracy = accuracy_of(of.settings, equation)
+    return ErrorEstimator(of.enriched), accuracy and replace(accuracy, chooses_steps=False)
 
 
 def beyond_the_end(of: ResponseProblem, request: PeakRequest, stuck: Peak, last: Point) -> str:
@@ -189,7 +192,7 @@ def peak_at_begin(
     if sticks >= begin.level:
         return None, None
     way = Sweep(max(sticks, LEAST * begin.level), begin.level)
-    lead = follow_peak(equation, "level", way, stuck, of.settings.tolerance, damping=begin.damping, is_homotopy=True)
+    lead = follow_peak(equation, PeakPath("level", way, stuck, damping=begin.damping, is_homotopy=True), of.settings.tolerance)
     begins = top() if lead.failure else _arrived(lead, ForcedResponse(equation, begin.level), request)
     why = f"on the way up to {begin.level:g} N: {lead.failure}; nor has the curve there a peak that belongs to this one"
     return begins, why if begins is None else None
@@ -276,21 +279,9 @@ def peak_at(of: ResponseProblem, output: int, level: float, near: PeakAt | None 
         begins, why = peak_at_begin(of, request, stuck, lambda: top_of_peak(tops_at_begin(of, request), peaks, k))
         if why is not None:
             return PeakAt(PeakCurve(stuck, Branch(level, failure=why)), None)
-    estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
-    accuracy = accuracy_of(of.settings, equation) if estimator else None
-    branch = follow_peak(
-        equation,
-        "level",
-        Sweep(level, 2.0 * level),
-        stuck,
-        of.settings.tolerance,
-        level,
-        begins=begins,
-        estimator=estimator,
-        accuracy=accuracy and replace(accuracy, chooses_steps=False),
-        until=lambda point: True,
-        is_homotopy=is_near,
-    )
+    estimator, accuracy = _error_bars(of, equation)
+    path = PeakPath("level", Sweep(level, 2.0 * level), stuck, level, begins=begins, is_homotopy=is_near)
+    branch = follow_peak(equation, path, of.settings.tolerance, estimator=estimator, accuracy=accuracy, until=lambda point: True)
     if branch.failure is not None and near is not None and is_near:
         return peak_at(of, output, level, replace(near, there=None))
     there = None

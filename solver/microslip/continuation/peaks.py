@@ -154,22 +154,44 @@ def peaks_of(
         forward.destroy()
 
 
+@dataclass(frozen=True, eq=False)
+class PeakPath:
+    """A peak of an output, followed over a number of the operating point.
+
+    Attributes
+    ----------
+    varies : "level" [N], "damping" (a factor) or a parameter of the contact law
+    sweep : range of that number, from an end where all pairs stick or near to it; values in ``at`` are points
+    stuck : the peak of the linear response
+    level, damping : N and factor, where they do not vary
+    begins : the peak at the begin of the range, where the linear response is not near
+    is_homotopy : on the way to a first point, which has other ways
+    """
+
+    varies: str | LawParameter
+    sweep: Sweep
+    stuck: Peak
+    level: float = 1.0
+    damping: float = 1.0
+    begins: Iterate | None = None
+    is_homotopy: bool = False
+
+    @property
+    def begin(self) -> OperatingPoint:
+        """The operating point at the begin, without a frequency."""
+        return with_value(self.varies, self.sweep.start, OperatingPoint(0.0, self.level, damping=self.damping))
+
+
 def follow_peak(
     equation: HarmonicBalance,
-    varies: str | LawParameter,
-    sweep: Sweep,
-    stuck: Peak,
+    path: PeakPath,
     tolerance: float,
-    level: float = 1.0,
     *,
-    begins: Iterate | None = None,
     estimator: ErrorEstimator | None = None,
     accuracy: Accuracy | None = None,
     on_point: Emit = nobody,
     until: Callable[[Point], bool] = lambda point: False,
-    damping: float = 1.0,
     checkpointer: Checkpointer = NO_CHECKPOINTS,
-    is_homotopy: bool = False,
 ) -> Branch:
     """Return the peak of an output over a number of the operating point, as one branch.  Collective.
 
@@ -178,27 +200,20 @@ def follow_peak(
     Parameters
     ----------
     equation : with the pairs' law and samples
-    varies : "level" [N], "damping" (a factor) or a parameter of the contact law
-    sweep : range of that number, from an end where all pairs stick or near to it; values in ``at`` are points
-    stuck : the peak of the linear response
-    level, damping : N and factor, where they do not vary
-    begins : the peak at the begin of the range, where the linear response is not near
     estimator, accuracy : error bars, destroyed at the end; the accuracy that chooses harmonics and samples
     on_point : gets each point
     until : ends the branch at a point
     checkpointer : of this branch
-    is_homotopy : on the way to a first point, which has other ways
 
     Returns
     -------
     branch : ``parameters`` of a point are the number and the frequency [rad/s]; why it ends early is in ``failure``
     """
-    begin = with_value(varies, sweep.start, OperatingPoint(0.0, level, damping=damping))
-    is_lead = is_homotopy and begins is None  # no point of it is recorded
-    row = MaximumByPhase(stuck.output, not turns(equation, stuck, begin), has_corners=not is_lead)
-    problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, row, begins, damping)
-    steps = STEPS_OF_LEADS if is_homotopy else STEPS_OF_PEAKS
-    task = BranchTask(problem, AllPairs(), sweep, steps, tolerance, estimator, accuracy, is_homotopy=is_homotopy)
+    stuck, is_lead = path.stuck, path.is_homotopy and path.begins is None  # no point of a lead is recorded
+    row = MaximumByPhase(stuck.output, not turns(equation, stuck, path.begin), has_corners=not is_lead)
+    problem = PeakOver(equation, path.varies, path.level, stuck.omega, stuck.width, row, path.begins, path.damping)
+    steps = STEPS_OF_LEADS if path.is_homotopy else STEPS_OF_PEAKS
+    task = BranchTask(problem, AllPairs(), path.sweep, steps, tolerance, estimator, accuracy, is_homotopy=path.is_homotopy)
     return follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
 
 
