@@ -197,20 +197,26 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     """
     scene, pairs, settings = parts.scene, parts.rest.pairs, reduction_settings(parts.scene)
     system = with_contact_forces(parts.rest.system, pairs, scene.outputs)
-    log.note(f"{system.n_dof} DOF, {counted(pairs.n_pairs, 'contact pair')}")
+    _note_once(log, f"{system.n_dof} DOF, {counted(pairs.n_pairs, 'contact pair')}")
     refuse_too_many(settings.modes, system.n_dof, scene.path, scene.response.mode)
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):
         later = partial(memory_of_modes, system.K, settings) if has_later else None
         linearised = linearise(system, pairs, str(scene.path), later, cached)
     for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
-        log.note(note)
+        _note_once(log, note)
     if linearised.factor.n_rigid:
         motions_owned = linearised.system.rigid_owned
         log.note(rigid_in_words(linearised.factor.n_rigid, None if motions_owned is None else motions_owned.shape[1]))
     if linearised.factor.info.get("out_of_core") and scene.cyclic is None and parts.reference is None and keeps_to_K_L(settings):
         linearised.let_K_go()  # memory is short
     return linearised
+
+
+def _note_once(log: RunLog, text: str) -> None:
+    """Log a line unless it is there, as of another nodal diameter.  Local."""
+    if text not in log.notes:
+        log.note(text)
 
 
 def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
@@ -307,13 +313,16 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
     one_sector: PerGroup[StuckStructure] = PerGroup(diameters.of_group, wave.diameter, wave.diameters)
     blades = None if parts.rest.system.sectors is None else parts.rest.system.sectors.blades
     if factors.changes_blades and blades is not None:
-        tuned = [with_static_shapes(each, blades) for each in tuned]
+        with log.stage("static shapes of blades that differ"):
+            tuned = [with_static_shapes(each, blades) for each in tuned]
     assert parts.rest.system.dof is not None, "of a mesh"
     whole = pairs_of_all_sectors(parts.rest.pairs, len(parts.rest.system.dof), cyclic, factors, scene.path)
     leads = np.array([load.harmonic * cyclic.wave_number for load in scene.loads for _ in load.phases])
-    fields = of_all_sectors(tuned, whole, leads, factors.load)
+    with log.stage("static columns of all sectors"):
+        fields = of_all_sectors(tuned, whole, leads, factors.load)
     if factors.changes_blades and blades is not None:
-        fields = with_other_blades(fields, tuned, blades, (factors.stiffness, factors.density))
+        with log.stage("modes of blades that differ"):
+            fields = with_other_blades(fields, tuned, blades, (factors.stiffness, factors.density))
     return WholeStructure(
         **fields,
         alike=replace(diameters.of_group(wave.diameter(1)), groups=one_sector, scene=scene.with_keys(cyclic=wave)),
