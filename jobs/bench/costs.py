@@ -24,8 +24,8 @@ from page_tables import put, table
 
 
 def measure(request: dict, ranks: int) -> dict:
-    """Return what cost_of.py reports on so many ranks."""
-    command = [sys.executable, str(Path(__file__).with_name("cost_of.py")), json.dumps(request)]
+    """Return what cost_measurement.py reports on so many ranks."""
+    command = [sys.executable, str(Path(__file__).with_name("cost_measurement.py")), json.dumps(request)]
     if ranks > 1:
         command = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks), *command]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True)

@@ -2,7 +2,7 @@
 
     python jobs/bench/large_joint.py [--pairs 200 500 1000 2000 5000 10000] [--ranks 1 2] [--points 4] [--out DIR] [--draw] [--page PAGE]
 
-The joint is that of synthetic.py, 30 % of its pairs slip, H = 3.  Each measurement is a job of its own (cost_of.py; mpirun, or what
+The joint is that of synthetic.py, 30 % of its pairs slip, H = 3.  Each measurement is a job of its own (cost_measurement.py; mpirun, or what
 $MPIRUN names).  The first point, at which the columns of the slipping pairs come to be, is left out of the time and is in the memory,
 which is the highest of all ranks together.  Writes large_joint.json and img/large_joint.png in DIR (results/bench);
 ``--draw`` does so from the file of an earlier run; ``--page`` writes the table to a page (docs/costs.md).

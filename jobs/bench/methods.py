@@ -38,7 +38,7 @@ from stopwatch import Stopwatch
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation.follow import follow_branch
-from microslip.continuation.grid import at_frequencies, going_on, secant
+from microslip.continuation.grid import advancing, at_frequencies, secant
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.task import BranchTask
 from microslip.points.branch import Point
@@ -152,7 +152,7 @@ def at_level(prepared: Prepared, rubin, level: float, dense_points: int, rubin_p
     follow = partial(follow_branch, task, 10 * prepared.scene.response.points)
     with contact_counter() as watch:
         row, curve = of_branch(ARC, follow, level, watch)
-        rows, omegas = [row], going_on(curve, prepared.sweep.direction)
+        rows, omegas = [row], advancing(curve, prepared.sweep.direction)
         points: list[Point] = []
         energy = DissipatingPairs(energy_tolerance=solver.energy_tolerance)
         selections: dict[str, Selection] = {REFERENCE: AllPairs(), "adaptive": NonStickingPairs(), "adaptive-energy": energy}

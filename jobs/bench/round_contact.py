@@ -1,4 +1,4 @@
-"""Round bodies on flat ones against Hertz; pushed sideways they are in pushed_sideways.py.
+"""Round bodies on flat ones against Hertz; under tangential loads they are in tangential_loading.py.
 
     python jobs/bench/round_contact.py [--cells 18] [--case sphere roller]
 

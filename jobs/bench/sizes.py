@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import machine
-from before_and_now import STAGE
+from compare_commits import STAGE
 from page_tables import put, table
 
 ROOT = Path(__file__).parents[2]

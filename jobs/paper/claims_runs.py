@@ -11,7 +11,7 @@ from prepared import Prepared
 
 from microslip.contact.law import STICK
 from microslip.continuation.follow import follow_branch
-from microslip.continuation.grid import at_frequencies, going_on
+from microslip.continuation.grid import advancing, at_frequencies
 from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import amplitude
 from microslip.fourier.harmonics import Harmonics
@@ -212,7 +212,7 @@ class Trials:
 
     def arc(self, points: int) -> list[float]:
         """Return the frequencies to which `receptance` goes by arc length [rad/s]."""
-        return going_on(self.curve(REFERENCE, points).points, self.prepared.sweep.direction)
+        return advancing(self.curve(REFERENCE, points).points, self.prepared.sweep.direction)
 
     def curve(self, method: str, points: int):
         """Return the curve of a method in its own steps of the arc length."""

@@ -21,7 +21,7 @@ from rubin import build_rubin
 
 from microslip.contact.law import STICK
 from microslip.continuation.follow import NOTHING, follow_branch
-from microslip.continuation.grid import at_frequencies, going_on
+from microslip.continuation.grid import advancing, at_frequencies
 from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import amplitude
 from microslip.messages.errors import ConvergenceError
@@ -193,7 +193,7 @@ def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], cloc
     problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
     task = BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance)
     curve = follow_branch(task, 10 * prepared.scene.response.points)
-    omegas = going_on(curve.points, prepared.sweep.direction)
+    omegas = advancing(curve.points, prepared.sweep.direction)
     if len(omegas) < 3:
         why = curve.failure or "fewer than 3 points"
         raise ConvergenceError(f"receptance at {level:g} N: {why}; take a wider range or more points")
@@ -270,7 +270,7 @@ def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Ste
     done = []
     for n in steps:
         curve = follow_branch(BranchTask(problem, AllPairs(), sweep, prepared.steps_of(n), tolerance), 10 * n)
-        omegas = {ARC: going_on(curve.points, sweep.direction), EQUAL: list(np.linspace(sweep.start, sweep.stop, n))}
+        omegas = {ARC: advancing(curve.points, sweep.direction), EQUAL: list(np.linspace(sweep.start, sweep.stop, n))}
         for rule, at in omegas.items():
             exact, late = (
                 at_frequencies(problem, selection, at, tolerance=tolerance) for selection in (AllPairs(), NonStickingPairs())

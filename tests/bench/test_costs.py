@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import cost_of
+import cost_measurement
 import costs
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_the_share_of_pairs_asked_for_slips(share):
 
 
 def test_costs_of_the_parts_add_up():
-    computed = cost_of.of_joint(COMM, n_pairs=20, share=0.5, H=2, points=3)
+    computed = cost_measurement.of_joint(COMM, n_pairs=20, share=0.5, H=2, points=3)
     assert computed["failure"] is None and computed["not_sticking"] == 10 and computed["points"] == 3
     assert sum(computed["groups"].values()) == pytest.approx(computed["cpu"])
     assert min(computed["groups"].values()) >= -1e-4 * computed["cpu"]
@@ -45,7 +45,7 @@ def test_costs_of_the_parts_add_up():
 
 
 def test_one_measurement_is_a_command():
-    script = Path(costs.__file__).with_name("cost_of.py")
+    script = Path(costs.__file__).with_name("cost_measurement.py")
     request = {"kind": "joint", "n_pairs": 8, "share": 0.5, "H": 1, "points": 2}
     process = subprocess.run([sys.executable, str(script), json.dumps(request)], stdout=subprocess.PIPE, text=True, check=True)
     assert json.loads(process.stdout)["ranks"] == 1

@@ -204,8 +204,8 @@ def test_points_spread_over_the_curve_with_its_peak():
 
 def test_frequencies_behind_a_fold_are_left_out():
     points = [SimpleNamespace(omega=omega) for omega in (1.0, 2.0, 1.5, 1.8, 2.5)]
-    assert methods.going_on(points, 1.0) == [1.0, 2.0, 2.5]
-    assert methods.going_on(points[::-1], -1.0) == [2.5, 1.8, 1.5, 1.0]
+    assert methods.advancing(points, 1.0) == [1.0, 2.0, 2.5]
+    assert methods.advancing(points[::-1], -1.0) == [2.5, 1.8, 1.5, 1.0]
 
 
 # -- measuring --------------------------------------------------------------------------------------------------------

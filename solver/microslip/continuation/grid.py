@@ -27,7 +27,7 @@ GRID_STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)  # along the branch, to 
 MOST_STEPS = 1000
 
 
-def going_on(points: Sequence[Point], direction: float) -> list[float]:
+def advancing(points: Sequence[Point], direction: float) -> list[float]:
     """Return the frequencies of a branch, each further in the direction of the sweep than all before.
 
     Local.  None comes twice behind a fold.

@@ -30,7 +30,7 @@ from .bifurcations import bifurcations_of
 from .checkpointer import Checkpointer, Checkpointers, finished_or, no_checkpoints
 from .corrector import Correction
 from .follow import follow_branch
-from .grid import going_on
+from .grid import advancing
 from .iterate import Iterate
 from .linear_levels import is_linear, sticks_up_to
 from .peaks import peaks_of
@@ -85,7 +85,7 @@ class ResponseProblem:
         """
         task, ends = self.task(level), [self.sweep.start, self.sweep.stop]
         branch = follow_branch(task, most_points(self.settings.points))
-        return branch, ends if task.problem.is_constant and branch.points else going_on(branch.points, self.sweep.direction)
+        return branch, ends if task.problem.is_constant and branch.points else advancing(branch.points, self.sweep.direction)
 
 
 def response_problem(

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from cattaneo import MU, YOUNG, Case, Rings
-from pushed_sideways import at_rest, by_march, fitted_radius, over_theory
 from scipy.integrate import quad
+from tangential_loading import at_rest, by_march, fitted_radius, over_theory
 
 SPHERE, ROLLER = Case(), Case(Rings(shape="roller", rings=8, base_rings=11), "mortar")
 

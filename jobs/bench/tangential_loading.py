@@ -1,6 +1,6 @@
 """A sphere and a roller pressed on an elastic base and pushed back and forth against Cattaneo, Mindlin and Deresiewicz.
 
-    python jobs/bench/pushed_sideways.py [--by march response] [--case roller ...] [--rings 12 24] [--shares 0.5 0.8]
+    python jobs/bench/tangential_loading.py [--by march response] [--case roller ...] [--rings 12 24] [--shares 0.5 0.8]
 
 Each case is a scene: statics press the body on the base, then a force at the grip pushes it back and forth at shares of the friction limit;
 by its response far below the first mode, or by the equations of the statics in small steps, a slow cycle without harmonics.

@@ -1,6 +1,6 @@
 """The same job by the version of an earlier commit and by this one, in turn: what the whole command and its stages take.
 
-    python jobs/bench/before_and_now.py COMMIT [SCENE.toml ...] [--ranks 2] [--times 3] [--set KEY=VALUE ...]
+    python jobs/bench/compare_commits.py COMMIT [SCENE.toml ...] [--ranks 2] [--times 3] [--set KEY=VALUE ...]
 
 The commit is checked out into a folder that goes away again, and its compiled files are built there with this Python.  Both
 versions run the same scene and mesh, without what earlier runs have kept.  Prints a table for each scene: the median of the wall

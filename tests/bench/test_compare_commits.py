@@ -1,6 +1,6 @@
 """Runs of two versions are read from their logs and put side by side."""
 
-from before_and_now import read, table
+from compare_commits import read, table
 
 LOG = """level 1 of 2: 1 N: 67 points in 0.2 s; peak 3.6411e-03 m (3.6411e-03 m/N) at 99.26965 Hz, 0 of 218 pairs slip, 0 open
 level 2 of 2: 15 N: 89 points in 3.1 s; peak 2.8028e-02 m (1.8685e-03 m/N) at 99.17562 Hz, 112 of 218 pairs slip, 30 open

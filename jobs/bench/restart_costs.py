@@ -1,6 +1,6 @@
 """The cost of checkpoints of a run, and of continuing from them, compared with that of the run and its set-up.
 
-    [mpirun -n 2] python jobs/bench/going_on.py [SCENE.toml ...]
+    [mpirun -n 2] python jobs/bench/restart_costs.py [SCENE.toml ...]
 
 Each scene is run twice in a new folder: at first from the beginning, then with its set-up from the cache and without its points.  Pictures
 are left out.  Prints a line of JSON for each scene; times are of rank 0: wall time, and in brackets of the processor.

@@ -1,6 +1,6 @@
 """What meshes that do not match cost in accuracy: the demo's blade on its disc, meshed alike, and on discs that are meshed again.
 
-    python jobs/bench/meshes_apart.py [--size small medium] [--across 1 2 3] [--levels 1 5 10 15]
+    python jobs/bench/nonmatching_meshes.py [--size small medium] [--across 1 2 3] [--levels 1 5 10 15]
 
 Prints contact pairs, and at each level the peak per newton and how far it is from that of the same pairing where the meshes match:
 for each size of the blade's mesh on discs that are coarser and finer, and with more and more elements across a flank on discs

@@ -1,7 +1,7 @@
 """One measurement of costs.py, in a process or job of its own so that its memory is its own: prints a line of JSON.
 
-[mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "joint", "n_pairs": 200, "share": 0.3, "H": 3, "points": 6}'
-[mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "scene", "scene": "jobs/fan_small.toml", "level": 15, "points": 98}'
+[mpirun -n 2] python jobs/bench/cost_measurement.py '{"kind": "joint", "n_pairs": 200, "share": 0.3, "H": 3, "points": 6}'
+[mpirun -n 2] python jobs/bench/cost_measurement.py '{"kind": "scene", "scene": "jobs/fan_small.toml", "level": 15, "points": 98}'
 """
 
 from __future__ import annotations
