@@ -102,9 +102,11 @@ def test_clusters_are_of_neighbours(problem):
     assert within < 0.75 * distance.mean()
 
 
-def test_sectors_are_solved_for_exactly(problem, monkeypatch):
-    """The blocks of (5.5) within four sectors, of which one has 30 pairs and another none that is active."""
+@pytest.mark.parametrize("largest", [110, 12], ids=["whole", "bisected"])
+def test_sectors_are_solved_for_exactly(problem, monkeypatch, largest):
+    """The blocks of (5.5) within four sectors, whole or bisected; one has half of its pairs, another none that is active."""
     monkeypatch.setattr(preconditioner, "SINGLE_ERROR", 0.0)  # in double precision
+    monkeypatch.setattr(subdomain_preconditioners, "LARGEST_SECTOR", largest)
     n, N_H = N_PAIRS // 5, 2 * H + 1
     at = linearised(problem)
     active = np.setdiff1d(np.arange(N_PAIRS), [*range(n, 2 * n), *range(2 * n, 3 * n, 2)])
@@ -115,13 +117,18 @@ def test_sectors_are_solved_for_exactly(problem, monkeypatch):
     b = np.random.default_rng(3).standard_normal((len(active), 3, N_H))
     owned = (active >= equation.model.owned.start) & (active < equation.model.owned.stop)
     made = of_wide_slip(at)
-    every = set().union(*equation.comm.allgather({(rows[0], len(rows) // 3) for rows in made.subdomains}))
-    assert isinstance(made, SectorsPreconditioner) and [size for _, size in sorted(every)] == [n, n // 2, n, n]
-    assert equation.comm.size == 1 or len(made.subdomains) < 4  # those with pairs of the rank
+    assert isinstance(made, SectorsPreconditioner)
+    blocks = set().union(*equation.comm.allgather({tuple(rows[::3] // 3) for rows in made.subdomains}))
+    assert sorted(pair for block in blocks for pair in block) == list(range(len(active)))
+    assert max(map(len, blocks)) <= min(n, largest) and all(len({*(active[[*block]] // n)}) == 1 for block in blocks)
+    assert (len(blocks) == 4) == (largest > n)
+    assert equation.comm.size == 1 or len(made.subdomains) < len(blocks)  # those with pairs of the rank
     P, amplitudes = equation.gather(complex_linear(at.P, N_H)), to_complex(b.reshape(-1, N_H))
+    within = np.zeros((len(active), len(active)), dtype=bool)
+    for block in blocks:
+        within[np.ix_(block, block)] = True
     for k, G_n in enumerate(at.G.blocks()):
         B_n = np.eye(len(G_n)) + REGULAR * G_n @ block_diag(*P[:, k])
-        within = active[:, None] // n == active // n
         amplitudes[:, k] = np.linalg.inv(np.where(np.kron(within, np.ones((3, 3))), B_n, 0.0)) @ amplitudes[:, k]
     exact = to_real(amplitudes, N_H).reshape(b.shape)[owned]
     assert made.apply(b[owned]) == pytest.approx(exact, abs=1e-10 * np.abs(b).max())

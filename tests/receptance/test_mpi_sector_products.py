@@ -31,9 +31,12 @@ harmonics = 3
 """
 
 
-@pytest.fixture(params=[(4, True), (5, True), (5, False)], ids=["even", "odd", "alike"])
+@pytest.fixture(params=[(4, True), (5, True), (5, False), (3, True)], ids=["even", "odd", "alike", "two diameters"])
 def disc(request, shared_path):
-    """Return the model of a disc of an even or odd number of sectors, with blades that differ or are alike."""
+    """Return the model of a disc of an even or odd number of sectors, with blades that differ or are alike.
+
+    With two diameters, one of three ranks has none.
+    """
     (N, differ), tables = request.param, DISC
     wave = {"engine_order": 1, "whole": True}
     if differ:
@@ -99,6 +102,7 @@ def test_motions_of_modes(disc):
     dense = replace(receptance, sectors=None)
     same(receptance.linear_motion(disc.f, *at), dense.linear_motion(disc.f, *at))
     same(receptance.linear_motion_rate(disc.f, *at), dense.linear_motion_rate(disc.f, *at))
+    assert not receptance.linear_motion_rate(0.0 * disc.f, *at).any()
 
 
 def test_blocks_of_few_pairs_need_no_static_columns(disc):

@@ -323,7 +323,7 @@ def with_higher(
 def above(wider: HarmonicBalance, at: OperatingPoint, low: Harmonics, forces: ContactForces) -> np.ndarray:
     """Return the motion above the harmonics ``low`` that contact forces excite, (n_owned, 3, N_H of ``wider``) [m].
 
-    Collective where static columns are missing.
+    Collective where static columns are missing, and of a whole disc.
     """
     if len(forces.active) == 0:
         return np.zeros(wider.shape)

@@ -280,7 +280,8 @@ class HarmonicBalance:
     ) -> np.ndarray:
         """Return this rank's rows of r(U, omega), eq. (5.1), under ``forces``, (n_owned, 3, N_H) [m].
 
-        Collective where static columns are missing.  ``G`` of the active pairs at ``at`` may be passed if available.
+        Collective where static columns are missing, and of a whole disc.  ``G`` of the active pairs at ``at`` may be passed if
+        available.
         """
         return self.residual_under(U, at, forces.active, forces.p, G)
 

@@ -122,7 +122,8 @@ class Linearisation:
     def rate(self, rates: Rates) -> np.ndarray:
         """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2) and eq. (5.8), for given rates of the operating point.
 
-        Local; collective where parameters of the law change: one gather per parameter, three for a stiffness.
+        Local; collective of a whole disc, and where parameters of the law change: one gather per parameter, three for a
+        stiffness.
         """
         dG_p = self.G.apply_rate(self.forces.p, *self.equation.of_structure(rates))
         rate = dG_p - self.equation.linear_motion_rate(self.at, rates)

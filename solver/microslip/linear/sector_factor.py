@@ -108,7 +108,7 @@ class _Folded:
 class SectorFactor:
     """K_L of a sector with both faces free: its factor between the boundary, and the Schur complement on that, eq. (14.7).
 
-    All methods are collective.
+    Methods are collective unless they state otherwise.
 
     Attributes
     ----------

@@ -169,9 +169,10 @@ class ReceptanceColumns:
     def apply_rate(
         self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Sequence[Damping] | None = None
     ) -> np.ndarray:
-        """Return dG p on this rank's pairs, (n_owned, 3, N_H): eq. (5.2).  Local; not for an adjoint.
+        """Return dG p on this rank's pairs, (n_owned, 3, N_H): eq. (5.2); not for an adjoint.
 
-        dG is the rate of G for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M, ``d_C`` of each group's damping.
+        Local; of a whole disc collective.  dG is the rate of G for the rates ``d_omega`` of omega, ``d_sigma`` of a damping
+        sigma M, ``d_C`` of each group's damping.
         """
         if d_omega == d_sigma == 0.0 and d_C is None:
             return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))

@@ -70,7 +70,8 @@ class Receptance:
         if self.sectors is None:
             return loaded_times(self.modes.R_phi[rows], eta)
         motion, loaded = np.zeros((len(self.modes.R_phi), eta.shape[1])), eta.any(axis=0)
-        motion[:, loaded] = self.sectors.of_modes(eta[:, loaded])
+        if loaded.any():
+            motion[:, loaded] = self.sectors.of_modes(eta[:, loaded])
         return motion[rows]
 
     def output_motion(self, f: np.ndarray, p: np.ndarray, c: DynamicFlexibility) -> np.ndarray:
