@@ -10,6 +10,8 @@ the second:
 The cost of both is about proportional to the number of pairs; B_n Z is a product with G_n, computed once.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import zgetrs
@@ -43,13 +45,8 @@ class SectorsPreconditioner(PairsPreconditioner):
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
         sector = at.forces.active // (at.equation.model.n_pairs // at.equation.model.n_sectors)
         of_sectors = [np.flatnonzero(sector == s) for s in np.unique(sector)]
-        self.subdomains, self.local = [], []
-        for rows in map(rows_of, bisected(at.G, of_sectors, LARGEST_SECTOR)):
-            is_mine = bool(((rows >= self.local_rows.start) & (rows < self.local_rows.stop)).any())
-            inverses = _inverses(at, P, rows, is_mine)
-            if is_mine:
-                self.subdomains.append(rows)
-                self.local.append(np.array([each.of_B for each in inverses]))
+        self.subdomains, inverses = _of_rank(at, P, bisected(at.G, of_sectors, LARGEST_SECTOR), self.local_rows)
+        self.local = [np.array([each.of_B for each in of_harmonics]) for of_harmonics in inverses]
 
     def solve_all(self, b: np.ndarray) -> np.ndarray:
         """Return the solutions for the right-hand sides b, those of all harmonics of a sector at once; of other ranks 0."""
@@ -62,18 +59,20 @@ class SectorsPreconditioner(PairsPreconditioner):
 
 
 class SubdomainPreconditioner(PairsPreconditioner):
-    """The approximate B_n^-1, eq. (5.7), for the active pairs of a linearisation; reused for nearby ones.  Collective."""
+    """The approximate B_n^-1, eq. (5.7), for the active pairs of a linearisation; reused for nearby ones.
+
+    Collective.  A rank solves for the subdomains with its pairs.
+    """
 
     def __init__(self, at: Linearisation):
         super().__init__(at)
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
         regions = bisected(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
-        self.subdomains = [rows_of(part) for part in bisected(at.G, regions, LOCAL)]
+        self.subdomains, self.local = _of_rank(at, P, bisected(at.G, regions, LOCAL), self.local_rows)
         self.regions = _Regions(at, P, regions)
-        self.local = [_inverses(at, P, rows) for rows in self.subdomains]  # by subdomain and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
-        """Return the solution for the right-hand side b of harmonic n."""
+        """Return the solution for the right-hand side b of harmonic n; of the pairs of other ranks its mean only."""
         mean, rest = self.regions.solve(n, b)
         for rows, inverses in zip(self.subdomains, self.local):
             mean[rows] += inverses[n].times(rest[rows])
@@ -107,14 +106,26 @@ class _Regions:
         return motion, r - self.B_Z[n] @ y
 
 
-def _inverses(at: Linearisation, P: np.ndarray, rows: np.ndarray, is_mine: bool = True) -> list[Inverse]:
-    """Return the inverse of the block of B_n of one subdomain, for each harmonic; none unless ``is_mine``.
+def _of_rank(
+    at: Linearisation, P: np.ndarray, subdomains: list[np.ndarray], local_rows: slice
+) -> tuple[list[np.ndarray], list[list[Inverse]]]:
+    """Return the rows of the subdomains with pairs of this rank, and the inverses of their blocks by harmonic.
 
-    Collective: one gather.
+    Collective: one gather for each of all ``subdomains`` (k,) of active pairs; ``local_rows`` are the rows of this rank's.
     """
-    pairs = rows[::3] // 3
-    blocks, inverses = at.G.blocks(pairs), []
-    for n, G_n in enumerate(blocks if is_mine else ()):
+    of_rank, inverses = [], []
+    for rows in map(rows_of, subdomains):
+        blocks = at.G.blocks(rows[::3] // 3)
+        if ((rows >= local_rows.start) & (rows < local_rows.stop)).any():
+            of_rank.append(rows)
+            inverses.append(_inverses(blocks, P, rows))
+    return of_rank, inverses
+
+
+def _inverses(blocks: Iterator[np.ndarray], P: np.ndarray, rows: np.ndarray) -> list[Inverse]:
+    """Return the inverse of the block of B_n of one subdomain, for each harmonic, from blocks of G_n.  Local."""
+    pairs, inverses = rows[::3] // 3, []
+    for n, G_n in enumerate(blocks):
         G_P = np.einsum("rmi,mij->rmj", G_n.reshape(len(rows), -1, 3), P[pairs, n]).reshape(G_n.shape)
         inverses.append(Inverse(np.eye(len(rows)) + G_P))
     return inverses
