@@ -125,44 +125,28 @@ class CombinedLaw:
 
     def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
         """Return d p / d du of the history-independent part of p, component by component, (..., n, 3) [N/m].  Local."""
-        rate = np.empty(du.shape)
-        for pairs, law in self.parts:
-            rate[..., pairs, :] = law.memoryless_rate(du[..., pairs, :])
-        return rate
+        return self._together(lambda law, pairs: law.memoryless_rate(du[..., pairs, :]), -2)
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the factor by which motions may grow while each pair certainly sticks and stays closed, (..., n).  Local."""
-        return self._of_each(lambda law, pairs: law.slip_safety(amplitudes[..., pairs, :]), amplitudes.shape[:-1])
+        return self._together(lambda law, pairs: law.slip_safety(amplitudes[..., pairs, :]), -1)
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the utilisation of each pair, stuck force divided by its limit, (..., n).  Local."""
-        return self._of_each(lambda law, pairs: law.utilisation(amplitudes[..., pairs, :]), amplitudes.shape[:-1])
+        return self._together(lambda law, pairs: law.utilisation(amplitudes[..., pairs, :]), -1)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
         """Return an upper bound of |p| / stuck force, (..., n, 3).  Local."""
-        shares = np.empty(amplitudes.shape)
-        for pairs, law in self.parts:
-            shares[..., pairs, :] = law.slipping_share(amplitudes[..., pairs, :], of_limit)
-        return shares
+        return self._together(lambda law, pairs: law.slipping_share(amplitudes[..., pairs, :], of_limit), -2)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep half-wave symmetry if the components ``moves`` (n, 3) move, (n,); see :class:`Law`.  Local."""
         return self._together(lambda law, pairs: law.keeps_half_wave_symmetry(moves[pairs]))
 
-    def _together(self, of: Callable[[Law, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return the values ``of(law, pairs)`` of the parts, (n_part, ...) each, in the order of the pairs."""
-        pairs, of_parts = self.parts[0][0], [of(law, pairs) for pairs, law in self.parts]
-        values = np.empty((self.n_pairs, *of_parts[0].shape[1:]), dtype=of_parts[0].dtype)
-        for (pairs, _), of_part in zip(self.parts, of_parts):
-            values[pairs] = of_part
-        return values
-
-    def _of_each(self, of: Callable[[Law, np.ndarray], np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-        """Return the values ``of(law, pairs)`` of the parts, (..., n_part) each, in the order of the pairs, (..., n)."""
-        values = np.empty(shape)
-        for pairs, law in self.parts:
-            values[..., pairs] = of(law, pairs)
-        return values
+    def _together(self, of: Callable[[Law, np.ndarray], np.ndarray], axis: int = 0) -> np.ndarray:
+        """Return the values ``of(law, pairs)`` of the parts in the order of the pairs, which are along ``axis``."""
+        order = np.argsort(np.concatenate([pairs for pairs, _ in self.parts]))
+        return np.concatenate([of(law, pairs) for pairs, law in self.parts], axis).take(order, axis)
 
 
 def as_one(parts: Sequence[tuple[np.ndarray, Law]]) -> Law:

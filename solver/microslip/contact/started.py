@@ -6,13 +6,13 @@ The residual force of a slider that has slipped once and rests depends on its in
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 
 from ..fourier.coefficients import shifted
 from ..fourier.harmonics import Harmonics
 from .law import ContactCycle, Law
-from .sliders import Sliders
 
 
 @dataclass(frozen=True)
@@ -25,35 +25,11 @@ class StartedLaw:
     law: Law
     start: np.ndarray
 
-    @property
-    def n_pairs(self) -> int:
-        """The number of pairs."""
-        return self.law.n_pairs
-
-    @property
-    def order(self) -> int:
-        """The order in 1 / N_t at which the harmonics of a cycle converge."""
-        return self.law.order
-
-    @property
-    def elements_order(self) -> int:
-        """The order of the error of a finite number of elements."""
-        return self.law.elements_order
-
-    @property
-    def n_memory(self) -> int:
-        """Number of internal variables per pair that a time step stores in addition to p."""
-        return self.law.n_memory
-
-    @property
-    def stiffness(self) -> np.ndarray:
-        """The springs K_J of a pair that sticks, (n, 3) [N/m]."""
-        return self.law.stiffness
-
-    @property
-    def springs(self) -> np.ndarray:
-        """The springs of a pair in contact, (n, 3) [N/m]."""
-        return self.law.springs
+    def __getattr__(self, name: str) -> Any:
+        """Return what does not depend on the phase: a property of the law, or a method of a time step or of its limits."""
+        if name == "law":
+            raise AttributeError(name)  # of a copy that is not complete yet
+        return getattr(self.law, name)
 
     @property
     def refined(self) -> StartedLaw:
@@ -87,48 +63,14 @@ class StartedLaw:
                 P = shifted(P.reshape(shape), back, harmonics).reshape(P.shape).transpose(0, 2, 1)
         return replace(cycle, p=shifted(cycle.p, -start, harmonics), P=P)
 
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """The parameters of the law that vary."""
-        return self.law.parameters
-
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
         """Return d p / d parameter of each pair under the motion ``U``, (n, 3, N_H).  Local."""
         harmonics = harmonics or Harmonics.full(U.shape[2])
         start = self.start[:, None]
         return shifted(self.law.parameter_rate(name, shifted(U, start, harmonics), n_samples, harmonics), -start, harmonics)
 
-    def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p and internal variables after a time step, the derivative of p, and the states.  Local."""
-        return self.law.step(du, before)
-
-    @property
-    def sliders(self) -> tuple[Sliders, ...]:
-        """The sliders of the pairs."""
-        return self.law.sliders
-
-    def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
-        """Return the derivative of the history-independent part of p, as in :class:`Law`.  Local."""
-        return self.law.memoryless_rate(du)
-
-    def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the factor by which motions may grow while each pair certainly sticks and stays closed, (..., n).  Local."""
-        return self.law.slip_safety(amplitudes)
-
-    def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the utilisation of each pair, stuck force divided by its limit, (..., n).  Local."""
-        return self.law.utilisation(amplitudes)
-
-    def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
-        """Return an upper bound of |p| / stuck force, (..., n, 3).  Local."""
-        return self.law.slipping_share(amplitudes, of_limit)
-
-    def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
-        """Return which pairs keep half-wave symmetry if the components ``moves`` (n, 3) move, (n,); see :class:`Law`.  Local."""
-        return self.law.keeps_half_wave_symmetry(moves)
-
 
 def started_at(law: Law, start: np.ndarray | None) -> Law:
     """Return the law of pairs that start at phases (n,) [rad]; NaN or none: at the first sample.  Local."""
     phases = np.zeros(law.n_pairs) if start is None else np.nan_to_num(start)
-    return StartedLaw(law, phases) if phases.any() else law
+    return cast(Law, StartedLaw(law, phases)) if phases.any() else law
