@@ -13,11 +13,13 @@ from mpi4py import MPI
 from oracles import scenes
 
 import microslip.run as whole_run
+from microslip.continuation import levels
 from microslip.library.follow_response import follow
 from microslip.messages.errors import CaseError, ConvergenceError, Interrupted
 from microslip.observe.log import RunLog
 from microslip.observe.stops import Stops
 from microslip.parallel.agree import on_root
+from microslip.points.bifurcation import Bifurcation
 from microslip.restart import identity
 from microslip.restart.branch_files import BranchFiles
 from microslip.restart.folder import NAME, Restart
@@ -373,6 +375,33 @@ def test_results_that_are_incomplete_leave_complete_ones_in_place(shared_path, b
     run(scene_at(shared_path, "response.points=14"), COMM, folder, RunOptions(screen=False))
     assert (folder / "results.h5").read_bytes() != once and not (folder / "unfinished").exists()
     assert built["first"] == made["first"]
+
+
+def test_peaks_and_bifurcations_of_finished_levels_are_read(shared_path, monkeypatch):
+    """Stopped at the second level: what the first one was solved for is read, not solved for again."""
+    mass = scenes.jenkins_mass() | {"C": np.array([[0.02]])}
+    of_mass = partial(
+        write_matrix_scene, shared_path, mass, [0.4, 0.5], (0.5, 2.0), points=12, harmonics=1, samples=64, error_bars=False
+    )
+    scene = read_scene(on_root(COMM, of_mass), ("response.peaks=true", "response.stability=true"))
+    fold = Bifurcation("fold", 1.2, np.array([0.3]), 1.0 + 0.1j, 1e-9, 5)
+    monkeypatch.setattr(levels, "bifurcations_of", lambda problem, branch, tolerance: [fold])
+    whole = followed(scene, shared_path / "whole")
+    n_first = len(whole[0].points)
+    with pytest.raises(Interrupted):
+        followed(scene, shared_path / "parts", [StopsAfter(n_first + 1)])
+
+    solved, peaks_of = [], levels.peaks_of
+    for name, solve in (("peaks_of", peaks_of), ("bifurcations_of", levels.bifurcations_of)):
+        counting = partial(
+            lambda solve, problem, branch, *more: solved.append(branch.level) or solve(problem, branch, *more), solve
+        )
+        monkeypatch.setattr(levels, name, counting)
+    rest = followed(scene, shared_path / "parts")
+    assert solved == [0.5, 0.5]
+    for one, other in zip(whole, rest, strict=True):
+        assert one.peaks and one.peaks == other.peaks, "to the last bit: the structure has one DOF"
+        assert [repr(there) for there in other.bifurcations] == [repr(fold)]
 
 
 OVER = ('response.over=[{key="level", range=[0.02, 1.0]}, {key="damping", range=[4.0, 1.0], level=0.05}]',)

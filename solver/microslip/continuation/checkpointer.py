@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
+from ..points.bifurcation import Bifurcation
 from ..points.branch import Branch, Point
+from ..points.peak import Peak
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from .state import BranchState
     from .task import BranchTask
 
+T = TypeVar("T", Peak, Bifurcation)
 Restored = tuple["BranchState", list[Point]]
 Narrower = tuple["Sweep", "BranchState", list[Point]]
 
@@ -46,6 +49,9 @@ class Checkpointer(Protocol):
     def finish(self, branch: Branch) -> None:
         """Save the outcome of a branch that has ended."""
 
+    def solved_for(self, kind: type[T], solve: Callable[[], list[T]]) -> list[T]:
+        """Return the peaks or the bifurcations (``kind``) of a branch that has ended: the saved ones, or by ``solve``, saved."""
+
 
 class NoCheckpoints:
     """A :class:`Checkpointer` that writes nothing and restores nothing."""
@@ -70,6 +76,10 @@ class NoCheckpoints:
 
     def finish(self, branch: Branch) -> None:
         """Do nothing.  Local."""
+
+    def solved_for(self, kind: type[T], solve: Callable[[], list[T]]) -> list[T]:
+        """Return what ``solve`` returns.  Collective as ``solve``."""
+        return solve()
 
 
 def finished_or(

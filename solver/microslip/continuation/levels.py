@@ -18,7 +18,9 @@ from ..harmonic.balance import HarmonicBalance
 from ..messages.errors import CaseError
 from ..messages.words import counted
 from ..points.band import frequency_band
+from ..points.bifurcation import Bifurcation
 from ..points.branch import Branch, Point
+from ..points.peak import Peak
 from ..points.selection import AllPairs, Selection
 from ..points.sweep import Sweep
 from ..receptance.motions import linear_motion, output_motion
@@ -260,16 +262,23 @@ def follow_level(
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
     """
-    return with_peaks(of, whole_branch(of, level, on_point, checkpointers))
+    return with_peaks(of, whole_branch(of, level, on_point, checkpointers), checkpointers)
 
 
-def with_peaks(of: ResponseProblem, branch: Branch) -> Branch:
-    """Return the branch of a level with its peaks and bifurcations, if requested.  Collective."""
-    level = branch.level
-    if of.settings.peaks and not of.model.harmonics.is_constant:
-        branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance, of.settings.sensitivities, of.curve)
-    if of.settings.stability:
-        branch.bifurcations = bifurcations_of(of.at_level(level), branch, of.settings.tolerance)
+def with_peaks(of: ResponseProblem, branch: Branch, checkpointers: Checkpointers) -> Branch:
+    """Return the branch of a level with its peaks and bifurcations, if requested: saved ones, or solved for.  Collective."""
+    settings, checkpointer = of.settings, checkpointers(of.model.comm, branch.level, 0)
+
+    def solve_for_peaks() -> list[Peak]:
+        return peaks_of(of.at_level(branch.level), branch, settings.tolerance, settings.sensitivities, of.curve)
+
+    def locate_bifurcations() -> list[Bifurcation]:
+        return bifurcations_of(of.at_level(branch.level), branch, settings.tolerance)
+
+    if settings.peaks and not of.model.harmonics.is_constant:
+        branch.peaks = checkpointer.solved_for(Peak, solve_for_peaks)
+    if settings.stability:
+        branch.bifurcations = checkpointer.solved_for(Bifurcation, locate_bifurcations)
     return branch
 
 

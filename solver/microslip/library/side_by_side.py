@@ -103,7 +103,7 @@ def follow_divided(
                 observers.branches[number].points[:] = branch.points  # in their order
                 checkpointer.save(of.task(level), None, branch.points)
                 checkpointer.finish(branch)
-        branches.append(with_peaks(of, branch))
+        branches.append(with_peaks(of, branch, checkpointers))
         observers.notify("level_finished", number, branch)
     groups.comm.Free()
     return branches

@@ -14,10 +14,12 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from ..continuation.checkpoint import Part, from_arrays, parts_of, state_arrays
-from ..continuation.checkpointer import Narrower, Restored
+from ..continuation.checkpointer import Narrower, Restored, T
 from ..messages.errors import MicroslipError
 from ..parallel.agree import on_root
+from ..points.bifurcation import Bifurcation
 from ..points.branch import NOTHING, Branch, Point
+from ..points.peak import Peak
 from ..system.files import make_folder
 from .records import (
     Arrays,
@@ -53,6 +55,23 @@ def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:
     values: dict[str, Any] = {name: value for name, value in arrays.items() if name != "numbers"}
     values["parameters"] = tuple(map(float, arrays["parameters"]))
     return Point(**numbers, **values, notes=tuple(texts.get("notes", ())))
+
+
+def _of_values(values: Sequence[Peak | Bifurcation]) -> tuple[Arrays, dict[str, Any]]:
+    """Return the arrays and texts of peaks or bifurcations."""
+    numbered = [(f"{i}/{name}", entry) for i, value in enumerate(values) for name, entry in vars(value).items()]
+    texts = {name: entry for name, entry in numbered if entry is None or isinstance(entry, str)}
+    return {name: np.asarray(entry) for name, entry in numbered if name not in texts}, {"n": len(values), **texts}
+
+
+def _values(path: Path, kind: type[T]) -> list[T] | None:
+    """Return the peaks or bifurcations in a file; None if it is missing or damaged."""
+    record = read_record(path)
+    if record is None:
+        return None
+    arrays, texts = record
+    entries = texts | {name: array if array.ndim else array.item() for name, array in arrays.items()}
+    return [kind(**{name: entries[f"{i}/{name}"] for name in kind.__dataclass_fields__}) for i in range(texts["n"])]
 
 
 from mpi4py import MPI
@@ -145,7 +164,8 @@ class BranchFiles:
     def _open(self) -> tuple[Arrays, list[Point]] | None:
         """Open the files for further steps; return the latest stored state and the points before it, None if there is none."""
         make_folder(str(self._folder))
-        self._end.unlink(missing_ok=True)
+        for path in (self._end, *(self._folder / kind.__name__.lower() for kind in (Peak, Bifurcation))):
+            path.unlink(missing_ok=True)
         self._latest = Latest(self._state, self._disk)
         for arrays, _ in self._latest.read():
             n_points = int(arrays["n_points"])
@@ -244,6 +264,15 @@ class BranchFiles:
             if file is not None:
                 file.close()
         write_unsynced(self._end, {}, outcome)
+
+    def solved_for(self, kind: type[T], solve: Callable[[], list[T]]) -> list[T]:
+        """Return the peaks or the bifurcations of the finished branch: the saved ones, or by ``solve``, saved.  Collective."""
+        path = self._folder / kind.__name__.lower()
+        values: list[T] | None = on_root(self.comm, checked_read, path, _values, path, kind)
+        if values is None:
+            values = solve()
+            on_root(self.comm, write_unsynced, path, *_of_values(values))
+        return values
 
     def _shared(self, branch: Branch | None) -> Branch | None:
         """Return a branch of rank 0 on every rank, without the motion of its points on the others."""

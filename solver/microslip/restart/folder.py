@@ -2,7 +2,7 @@
 
     restart/identity         the inputs of the last run
     restart/setup-KEY/       the stuck structure: stored_structure.py
-    restart/level-KEY/       of; points.S, state.S.0, state.S.1, end.S of each segment S of a level
+    restart/level-KEY/       of; points.S, state.S.0, state.S.1, end.S of each segment S of a level, peak, bifurcation
     restart/over-KEY/        points.0, state.0.0, state.0.1, end.0 of a curve of peaks over a number
     restart/mode-KEY/        the same of a nonlinear mode
 
