@@ -167,6 +167,7 @@ def test_a_body_for_each_section_and_integration(tmp_path):
         "EVERY C3D8R": Body.of_file(group="EVERY C3D8R", material="Steel"),
     }
     assert "*ELEMENT, TYPE=C3D8R" in words(model, changes=False) and words(model) == []
+    assert [each.is_taken for each in model.findings if each.word == "*ELEMENT, TYPE=C3D8R"] == [True]
 
 
 def test_supports_of_the_first_vibration(tmp_path):

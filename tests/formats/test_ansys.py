@@ -439,7 +439,7 @@ def test_archives_that_are_not_blocked_hold_the_same(tmp_path):
     plainly, model = (read_model(written(tmp_path, text=each)) for each in (text, "\n".join([*lines[:at], *more, *lines[at:]])))
     assert model.materials == plainly.materials and model.supports == plainly.supports
     np.testing.assert_array_equal(model.groups["D xyz"].nodes, plainly.groups["D xyz"].nodes)
-    assert [(one.word, one.where) for one in model.findings if one not in plainly.findings] == [("SFEBLOCK", "1 commands")]
+    assert [(one.word, one.where) for one in model.findings if one not in plainly.findings] == [("SFEBLOCK", "1 command")]
 
 
 def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):

@@ -39,9 +39,9 @@ class Findings:
 
     _places: dict[Finding, list[str]] = field(default_factory=dict)  # the places of each finding, stored without its place
 
-    def add(self, word: str, where: str, effect: str, changes: bool = True, part: str = "") -> None:
-        """Add a finding: the word and its place in the file, and the effect of leaving it out.  Local."""
-        self.take(Finding(word=word, where=where, effect=effect, changes=changes, part=part))
+    def add(self, word: str, where: str, effect: str, changes: bool = True, part: str = "", is_taken: bool = False) -> None:
+        """Add a finding: the word, its place in the file, and the effect of leaving it out, or the difference.  Local."""
+        self.take(Finding(word=word, where=where, effect=effect, changes=changes, part=part, is_taken=is_taken))
 
     def take(self, finding: Finding) -> None:
         """Add a finding.  Local."""

@@ -211,7 +211,8 @@ def _find_without_section(model: InputModel, has_section: np.ndarray) -> None:
                 effect = f"{bare} {block.word} elements have no *SOLID SECTION"
                 model.findings.add("*ELEMENT", block.where, effect, True, "bodies")
             if note_on(block.word):
-                model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, note_on(block.word), False, "bodies")
+                word, effect = f"*ELEMENT, TYPE={block.word}", note_on(block.word)
+                model.findings.add(word, block.where, effect, False, "bodies", is_taken=True)
         elif block.word.startswith("SFM3D"):
             model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, "surfaces without stiffness", False)
         elif not _has_own_card(block.word):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...messages.errors import MeshError
+from ...messages.words import counted
 from ...tables.joint import Joint
 from ...tables.structure import Material
 from ..draft import Draft
@@ -243,4 +244,4 @@ def _pass_over_table(content: Content, command: Command) -> None:
 def report_loads(content: Content) -> None:
     """Add a finding, without effect on the answer, for each kind of load: the scene states the loads.  Local."""
     for word, n in content.loads.items():
-        content.findings.add(word, f"{n} commands", "loads of the file are not taken over; state [[loads]]", False)
+        content.findings.add(word, counted(n, "command"), "loads of the file are not taken over; state [[loads]]", False)

@@ -127,7 +127,7 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
             effect = "KEYOPT(2) is left to Ansys by ETCONTROL; state it, 2 or 3 for enhanced strains"
             content.findings.add("SOLID185", f"ET {number}", effect)
         elif solid.differs:
-            content.findings.add(f"SOLID{type_number}", f"ET {number}", solid.differs, False)
+            content.findings.add(f"SOLID{type_number}", f"ET {number}", solid.differs, False, is_taken=True)
         for value in np.unique(material[rows_of_type]):
             of_material = rows_of_type & (material == value)
             named = f"material {value}" if (kind[material == value] == number).all() else f"material {value} type {number}"

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from ..draft import Draft
-from ..model import Finding
 
 
 @dataclass(eq=False)
@@ -22,7 +21,7 @@ class Content(Draft):
 
     def taken_over(self, card: str, number: int, effect: str, part: str) -> None:
         """Add a finding on a card that is taken over.  Local."""
-        self.findings.take(Finding(word=card, where=f"{card} {number}", effect=effect, changes=False, part=part, is_taken=True))
+        self.findings.add(card, f"{card} {number}", effect, False, part, is_taken=True)
 
     @property
     def mass_factor(self) -> float:
