@@ -11,7 +11,7 @@ from .library.build import build
 from .library.libraries import libraries_used
 from .library.logged_response import RunOptions, follow_logged, follow_peaks_logged, record_of
 from .library.origin_of_run import origin_of
-from .library.result_files import shapes_of, write_shapes
+from .library.result_files import notes_on_size, shapes_of, write_shapes
 from .messages.errors import ConvergenceError
 from .observe.log import RunLog
 from .observe.stops import explaining_continuation
@@ -76,6 +76,8 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
             shapes = shapes_of(prepared, branches)
+        for note in notes_on_size(prepared, branches, shapes):
+            log.note(note)
         log.note(libraries_used(prepared, branches, output / RESULTS), on_screen=False)
         restart.share_factor(prepared, log)
         with log.stage("pictures"):

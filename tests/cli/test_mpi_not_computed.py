@@ -10,10 +10,12 @@ import scipy.sparse as sp
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
+from microslip.library.result_files import Shapes, notes_on_size
 from microslip.observe.not_computed import changes
 from microslip.parallel.agree import on_root
 from microslip.points.error_parts import PARTS, SAFETY
 from microslip.results.draw import draw_share
+from microslip.results.fields import Motion
 
 pytestmark = pytest.mark.ranks(1)
 SCALED = "no pair leaves sticking anywhere on its linear curve: scaled, not solved"
@@ -147,3 +149,15 @@ def test_what_a_method_leaves_out_is_told(tmp_path, program, method, own, lost):
     run(program, tmp_path / "scene.toml")
     line = next(line for line in not_computed(tmp_path / "out" / "run.log") if line.startswith(lost))
     assert "by the error bars up to" in line
+
+
+@pytest.mark.parametrize(
+    "size, says", [(100.0, []), (10.0, ["up to 3 m at level 2, more than 0.1 of the size of its mesh, 10 m"])]
+)
+def test_a_motion_as_large_as_the_structure_is_noted(size, says):
+    u = np.zeros((4, 3, 3))  # nodes, directions; mean, cosine and sine
+    u[1, :, 1], u[1, 0, 2], u[:, 2, 0] = (2.0, 1.0, 0.0), 2.0, 9.0
+    shapes = Shapes(np.zeros((4, 3, 0)), None, {0: Motion(0, u / 10.0), 1: Motion(0, u)})
+    prepared = SimpleNamespace(structure=SimpleNamespace(mesh=SimpleNamespace(diagonal=size)))
+    notes = notes_on_size(prepared, [SimpleNamespace(level=0.2), SimpleNamespace(level=2.0)], shapes)
+    assert len(notes) == len(says) and all(part in note for note, part in zip(notes, says))

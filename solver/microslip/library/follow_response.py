@@ -44,7 +44,7 @@ def follow(
         return in_groups(response, n_groups, all_observers, log, checkpointers)
     branches = follow_levels(response, all_observers.notify, checkpointers)
     per_diameter = response.model.receptances
-    for d in per_diameter.groups:
+    for d in per_diameter.groups if n_pairs else ():
         if per_diameter.knows(d):
             columns, where = per_diameter.of_group(d).static.G_static, f" of nodal diameter {d}" * (len(per_diameter.groups) > 1)
             number, batches = f"{columns.known.sum()} of {counted(n_pairs, 'pair')}", counted(columns.batches, "batch")

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..fourier.coefficients import amplitude
 from ..mesh.data import Mesh
 from ..mesh.locate import find_node
+from ..messages.words import listed
 from ..observe.not_computed import Extent
 from ..points.branch import Branch
 from ..points.quantities import hertz
@@ -28,6 +30,8 @@ from .build import WholeStructure
 from .origin_of_run import origin_of
 from .prepare import Prepared
 from .settings import output_names, reduction_settings, requests_error_bars, requests_fields, units_of
+
+LARGE = 0.1  # displacement over the size of the mesh from which small displacements are doubtful
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
@@ -118,6 +122,19 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
     numbers = [number for number, branch in enumerate(branches) if branch.points]
     motions = peak_displacements(system, prepared.reduction, prepared.model, [branches[number] for number in numbers])
     return None if modes is None else Shapes(modes, rest, {number: Motion(*motion) for number, motion in zip(numbers, motions)})
+
+
+def notes_on_size(prepared: Prepared, branches: Sequence[Branch], shapes: Shapes | None) -> list[str]:
+    """Return a note if the motion at some peak is not small compared with the mesh; none on ranks other than 0.  Local."""
+    if shapes is None or prepared.structure.mesh is None:
+        return []
+    size = prepared.structure.mesh.diagonal
+    largest = {branches[i].level: np.linalg.norm(amplitude(motion.u), axis=1).max() for i, motion in shapes.peaks.items()}
+    large = [f"{u:.3g} m at level {level:g}" for level, u in largest.items() if u > LARGE * size]
+    if not large:
+        return []
+    why = f"more than {LARGE:g} of the size of its mesh, {size:.3g} m, and the equations are those of small displacements"
+    return [f"WARNING: the structure moves by up to {listed(large)}, {why}; lower [response] levels"]
 
 
 def write_shapes(
