@@ -316,6 +316,8 @@ def test_bolts_are_recognised_cut_and_their_heads_glued(tmp_path):
     assert [cut.area for cut in cuts] == pytest.approx(3 * [np.pi * shank**2 / 4], rel=0.15)  # a polygon of eight sides
     links = find_links(mesh, whole)
     assert not any(note.startswith("WARNING") for note in links.notes)
+    for force, stress in re.findall(r"force = (\S+) +# N, of the tightened bolt: here (\S+) MPa", text):
+        assert float(stress) == pytest.approx(float(force) / (np.pi * (1e3 * shank) ** 2 / 4), rel=5e-3)
     assert text.count("force = ") == 3 and sum(line.startswith("#>") for line in text.splitlines()) == 0
 
 
@@ -414,6 +416,27 @@ def test_a_file_that_holds_nothing_makes_a_free_scene(tmp_path):
     assert "none known: the structure is free" in "\n".join(_write(str(path), tmp_path / "m.toml", False))
     text = filled(tmp_path / "m.toml")
     assert read_scene(tmp_path / "m.toml").supports == () and "#| [[supports]]" in text
+
+
+def test_a_support_is_offered_of_groups_without_a_whole_body_or_a_surface_of_the_joint(tmp_path):
+    plainly = plain()
+    sets = {name: plainly.sets[name] for name in ("BAR_BOTTOM", "PLATE_TOP")}
+    sets |= {"NALL": np.arange(len(plainly.points)), "HALF": sets["PLATE_TOP"][:4]}
+    path = write(tmp_path, ".exo", sets=sets | {"UPPER": np.flatnonzero(np.isclose(plainly.points[:, 2], 0.025))})
+    _write(str(path), tmp_path / "m.toml", False)
+    assert "possible groups: UPPER\n" in (tmp_path / "m.toml").read_text()
+
+
+def test_a_scene_without_missing_entries_is_to_be_checked_and_run(tmp_path):
+    """A material without a density has steel's, as the screen states."""
+    path = write(tmp_path)
+    path.write_text(re.sub(r"(?m)^\*Density\n.*\n", "", path.read_text()))
+    said = _write(str(path), tmp_path / "m.toml", False)
+    assert any(line.endswith("density of steel, not in the file") for line in said) and "fill in what begins with #>" in said[-1]
+    points = plain().points + 0.01 * (np.arange(len(plain().points)) < 16)[:, None] * [0.0, 0.0, 1.0]
+    said = _write(str(write(tmp_path, points=points)), tmp_path / "m.toml", True)
+    assert re.fullmatch(r"next       microslip check (\S+m.toml), then: microslip run \1", said[-1])
+    assert "# Nothing has to be filled in: microslip check" in (tmp_path / "m.toml").read_text()
 
 
 def test_units_and_what_must_be_answered_stand_in_the_scene(tmp_path):

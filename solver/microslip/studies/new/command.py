@@ -23,7 +23,7 @@ from .bolts import Shank, uncut
 from .candidates import candidates_and_bolts
 from .first import First
 from .places import disconnected, farthest, fixed_groups, supports_of_joints
-from .scene_text import named, text_of
+from .scene_text import lacks_entries, named, text_of
 from .sectors import sector_of
 
 if TYPE_CHECKING:
@@ -55,9 +55,13 @@ def _write(model: str, out: Path, force: bool) -> list[str]:
     first = _first(model, out, read_model(model))
     if first.step is not None and first.needs_loads:
         first = replace(_first(model, out, read_model(model, first.step.number)), names_step=True)
+    text, scene = text_of(first), quote(str(out))
     with atomic_write(str(out)) as partial:
-        Path(partial).write_text(text_of(first), encoding="utf-8")
-    return _lines(model, out, first)
+        Path(partial).write_text(text, encoding="utf-8")
+    steps = f"fill in what begins with #> in {out}, then: microslip check {scene}"
+    if not lacks_entries(text):
+        steps = f"microslip check {scene}, then: microslip run {scene}"
+    return [*_lines(model, out, first), f"next       {steps}"]
 
 
 def _refuse(model: str, out: Path, force: bool) -> None:
@@ -128,10 +132,11 @@ def _cut(shank: Shank) -> str:
 
 
 def _lines(model: str, out: Path, first: First) -> list[str]:
-    """Return the report and the next steps as lines."""
+    """Return the report as lines."""
     joints = [f"{joint.name}: {joint.text}" for joint in first.joints]
     others = [candidate.text for candidate in first.others]
     bolts = [f"{shank.body}: shank of {2e3 * shank.radius:.3g} mm, {_cut(shank)}" for shank in first.shanks]
+    assumed = [f"{name}: {listed(keys)} of steel, not in the file" for name, keys in first.lacking.items()]
     place = first.place
     where = f"point {place.point}" if place.point else f"node {place.node}"
     holds = [f"{support.group or support.point}, by the file" for support in first.file.supports] + [
@@ -141,6 +146,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
     return [
         f"new        {out}, for {model}: {counted(len(first.mesh.points), 'node')}, {first.mesh.diagonal:.4g} m across ({units})",
         *table("bodies", list(first.settings.bodies)),
+        *table("materials", assumed),
         *table("joints", joints or ["no touching surfaces of different bodies"]),
         *table("separate", first.disconnected),
         *table("disc", [first.sector.text] if first.sector is not None else []),
@@ -151,5 +157,4 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         *table("", _on_steps(first)),
         f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is at the same place",
         *table("to answer", [f"{finding.where}: {finding.word}: {finding.effect}" for finding in first.open_findings]),
-        f"next       fill in what begins with #> in {out}, then: microslip check {quote(str(out))}",
     ]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ...formats.model import FileModel, FileStep, Finding, LoadsAtRest
 from ...mesh.data import Mesh
 from ...messages.words import counted
-from ...tables.structure import Support
+from ...tables.structure import Material, Support
 from ...tables.structure_tables import StructureTables
 from .bolts import Shank
 from .candidate import Candidate
@@ -84,6 +84,13 @@ class First:
         """Whether only the loads of the *STATIC step may close the gap between surfaces that the file has in contact."""
         is_static = self.step is not None and self.step.procedure.startswith("*STATIC")
         return is_static and bool(self.loads_left_out) and any(joint.in_contact_in_file for joint in self.joints)
+
+    @property
+    def lacking(self) -> dict[str, list[str]]:
+        """The names of the file's materials that lack constants, and these."""
+        used = dict.fromkeys(body.material for body in self.file.bodies.values())
+        lacking = {name: self.file.materials.get(name, Material.of_file()).lacking for name in used}
+        return {name: keys for name, keys in lacking.items() if keys}
 
     @property
     def open_findings(self) -> list[Finding]:

@@ -150,6 +150,7 @@ def bolt_text(shank: Shank, number: int, first: First) -> list[str]:
             key_line("through", value_text(tuple(map(float, shank.position))), "m"),
             key_line("normal", value_text(shank.direction)),
         ]
-    force = f"#> force = {_STRESS * np.pi * shank.radius**2:.1g}".replace("e+0", "e")
-    comment = f"N, of the tightened bolt: here {_STRESS / 1e6:g} MPa"
-    return [*lines, "[[statics.bolts]]", key_line("group", quoted(group)), f"{force:31} # {comment}", ""]
+    area = np.pi * shank.radius**2
+    force = f"{_STRESS * area:.1g}".replace("e+0", "e")
+    comment = f"N, of the tightened bolt: here {float(force) / area / 1e6:.3g} MPa"
+    return [*lines, "[[statics.bolts]]", key_line("group", quoted(group)), f"{f'#> force = {force}':31} # {comment}", ""]

@@ -89,16 +89,26 @@ def disconnected(
 def fixed_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: Iterable[str]) -> tuple[list[str], list[str]]:
     """Return the groups whose names indicate supports, and other possible groups.  Local.
 
-    Both are empty if the file has supports.  ``used``: groups with another purpose.
+    Both are empty if the file has supports.  ``used``: groups with another purpose.  A possible group neither contains a whole
+    body nor a part of a surface in use.
     """
     if file.supports or any(point.stiffness or point.rotational_stiffness for point in file.connected):
         return [], []
-    others = {*settings.body_of, *used, *(name for tie in file.ties for name in tie.surfaces)}
+    surfaces = {*used, *(name for tie in file.ties for name in tie.surfaces)}
+    others = {*settings.body_of, *surfaces}
     others |= {bolt.group for bolt in file.bolts} | {mass.group for mass in file.masses if mass.group is not None}
     free = [name for name, nodes in mesh.node_groups.items() if name not in others and len(nodes) >= 3]
     free.sort(key=lambda name: name.startswith("_"))  # internal sets of programs come last
     sure = [name for name in free if any(word in name.lower() for word in _HELD)]
-    return sure, [name for name in free if name not in sure]
+    bodies = [np.unique(np.concatenate([b.nodes.ravel() for b in mesh.elements if b.group == name])) for name in settings.body_of]
+    sides = [mesh.node_groups[name] for name in surfaces if name in mesh.node_groups]
+
+    def may_hold(name: str) -> bool:
+        held = np.zeros(len(mesh.points), dtype=bool)
+        held[mesh.node_groups[name]] = True
+        return not any(held[body].all() for body in bodies) and all(held[side].mean() < _A_PART for side in sides)
+
+    return sure, [name for name in free if name not in sure and may_hold(name)]
 
 
 def farthest(mesh: Mesh, file: FileModel, fixed: Iterable[str]) -> Place:

@@ -31,13 +31,19 @@ def text_of(first: First) -> str:
         _loads(first),
         _rest(),
     ]
-    return "\n".join(part for part in parts if part)
+    text = "\n".join(part for part in parts if part)
+    missing = "Fill in what begins with #>, then" if lacks_entries(text) else "Nothing has to be filled in"
+    head = f"# A first scene for {first.model}, by microslip new; docs/guide.md says what each key means. Units are SI here."
+    return "\n".join([head, f"# {missing}: microslip check, microslip run.", text])
+
+
+def lacks_entries(text: str) -> bool:
+    """Return whether lines of a scene are to be filled in.  Local."""
+    return "\n#> " in text
 
 
 def _model(first: First) -> str:
     lines = [
-        f"# A first scene for {first.model}, by microslip new; docs/guide.md says what each key means. Units are SI here.",
-        "# Fill in what begins with #>, then: microslip check, microslip run.",
         f"title = {quoted(f'{PurePosixPath(first.model).name}, first mode')}",
         "",
         "[model]",
@@ -82,16 +88,9 @@ def _step(first: First) -> list[str]:
 
 
 def _materials(first: First) -> str:
-    file, lacking = first.file, []
-    for name in dict.fromkeys(body.material for body in file.bodies.values()):
-        material = file.materials.get(name)
-        if material is None or material.lacking:
-            lacking.append(name)
-    if not file.bodies:
-        lacking = ["steel"]
-    lines = []
+    file, lacking, lines = first.file, first.lacking, list[str]()
     units = UNITS[first.units or "m-kg-s"]
-    for name in lacking:
+    for name in lacking or ([] if file.bodies else ["steel"]):
         lines.append(f"[materials.{key_text(name)}]")
         material = file.materials.get(name, Material.of_file())
         known = material.in_si(units)
