@@ -179,7 +179,7 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
 
 
 def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm, monkeypatch):
-    monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: (2.0, 5.0) if of.vibrates else None)
+    monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: np.array([2.0, 5.0]) if of.vibrates else None)
 
     def groups(levels, n_pairs=200, n_dof=100_000, vibrates=True):
         model, settings = SimpleNamespace(comm=comm, n_pairs=n_pairs), SimpleNamespace(levels=levels)

@@ -219,8 +219,8 @@ def motion_at_peak(model: ReducedModel, curve: LinearCurve) -> np.ndarray:
     return linear_motion(model, 1.0, curve.omega[at_peak], slice(None))
 
 
-def levels_of_slip(of: ResponseProblem) -> tuple[float, float] | None:
-    """Return about which levels [N] the first pair and half of the pairs begin to slip, by the linear peak.  Collective.
+def levels_of_slip(of: ResponseProblem) -> np.ndarray | None:
+    """Return about which levels the pairs begin to slip by the linear peak, rising, (n_pairs,) [N].  Collective.
 
     None where there is no pair, or nothing that vibrates.
     """
@@ -228,8 +228,7 @@ def levels_of_slip(of: ResponseProblem) -> tuple[float, float] | None:
         return None
     moved = np.abs(to_complex(motion_at_peak(of.model, of.curve))).sum(axis=1).reshape(-1, 3)
     with np.errstate(divide="ignore"):
-        levels = np.sort(1.0 / of.law.utilisation(moved))
-    return float(levels[0]), float(levels[(len(levels) - 1) // 2])
+        return np.sort(1.0 / of.law.utilisation(moved))
 
 
 def nobody(event: str, *news: Any) -> None:

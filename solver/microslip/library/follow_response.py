@@ -38,7 +38,7 @@ def follow(
     comm, n_pairs = response.model.comm, response.model.n_pairs
     all_observers, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
     if (slip := levels_of_slip(response)) is not None:
-        log.note(_in_words(*slip, max(response.settings.levels)))
+        log.note(_in_words(slip, max(response.settings.levels)))
     if not in_turn(response, n_groups, divides):
         in_groups = follow_divided if divides else follow_side_by_side
         return in_groups(response, n_groups, all_observers, log, checkpointers)
@@ -52,17 +52,18 @@ def follow(
     return branches
 
 
-def _in_words(first: float, half: float, highest: float) -> str:
-    """Return for the log the levels [N] from which pairs slip; pairs that are open or slide at rest have 0 or less."""
-    if not np.isfinite(first):
+def _in_words(levels: np.ndarray, highest: float) -> str:
+    """Return for the log the levels (n_pairs,) [N] from which pairs slip; pairs that are open or slide at rest have 0 or less."""
+    n_at_once = np.count_nonzero(levels <= _AT_ONCE * highest)
+    half, later = levels[(len(levels) - 1) // 2], levels[n_at_once:]
+    of_half = f", half of all from {half:.3g} N" if np.isfinite(half) and half > _AT_ONCE * highest else ""
+    if n_at_once:
+        at_next = f"; the next slips from about {later[0]:.3g} N on{of_half}" if len(later) and np.isfinite(later[0]) else ""
+        return f"by the linear peak, {n_at_once} of {counted(len(levels), 'pair')} slip or are open at any level{at_next}"
+    if not np.isfinite(levels[0]):
         return "by the linear peak, no pair slips at any level"
-    if half <= _AT_ONCE * highest:
-        return "by the linear peak, half of the pairs and more slip or are open at any level"
-    more = f", half of them from {half:.3g} N" if np.isfinite(half) else ""
-    if first <= _AT_ONCE * highest:
-        return f"by the linear peak, some pairs slip or are open at any level{more}"
-    summary = f"by the linear peak, pairs slip from about {first:.3g} N on{more}"
-    return summary if highest > first else f"{summary}; the highest level is {highest:g} N, where nothing does"
+    summary = f"by the linear peak, pairs slip from about {levels[0]:.3g} N on{of_half}"
+    return summary if highest > levels[0] else f"{summary}; the highest level is {highest:g} N, where nothing does"
 
 
 def in_turn(response: ResponseProblem, n_groups: int, divides: bool = False) -> bool:
