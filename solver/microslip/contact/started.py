@@ -58,9 +58,11 @@ class StartedLaw:
         cycle = self.law.cycle(shifted(U, start, harmonics), n_samples, tangents, harmonics)
         P = cycle.P
         if P is not None:
-            back, shape = -self.start[cycle.active][:, None, None], (len(P), P.shape[1], 3, harmonics.n_coefficients)
-            for _ in range(2):  # columns, then rows
-                P = shifted(P.reshape(shape), back, harmonics).reshape(P.shape).transpose(0, 2, 1)
+            N_H, shape = harmonics.n_coefficients, P.shape
+            units = np.broadcast_to(np.eye(N_H), (len(P), N_H, N_H))
+            back = shifted(units, start[cycle.active], harmonics)  # transposed, as each row is shifted: the inverse
+            P = np.matmul(back[:, None], P.reshape(-1, 3, N_H, shape[2]))
+            P = np.matmul(P.reshape(-1, 3 * shape[1], N_H), back.swapaxes(1, 2)).reshape(shape)
         return replace(cycle, p=shifted(cycle.p, -start, harmonics), P=P)
 
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
