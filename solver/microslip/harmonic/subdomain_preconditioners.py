@@ -10,12 +10,15 @@ the second:
 The cost of both is about proportional to the number of pairs; B_n Z is a product with G_n, computed once.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import zgetrs
 
+from ..fourier.harmonics import Harmonics
 from ..parallel.ownership import rows_of
 from ..receptance.subdomains import bisected
 from .linearisation import Linearisation
@@ -34,28 +37,115 @@ def of_wide_slip(at: Linearisation) -> PairsPreconditioner:
     return (SubdomainPreconditioner if len(at.forces.active) > LARGE else HarmonicPreconditioner)(at)
 
 
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """The part of a sweep over the harmonics, eq. (17.8), that solves for one of them."""
+
+    columns: slice  # of the coefficients
+    P: np.ndarray  # (m, 3 k, 3 N_H) the rows of the harmonic in dp/dU of the pairs, without unit
+    K: list[np.ndarray]  # of each subdomain, without unit: real (3 k n, 3 k n), or conjugate complex (3 n, 3 n)
+    kind: np.dtype  # of K
+
+    def solve(self, x: np.ndarray) -> None:
+        """Replace the right-hand side b_n in x (m, 3, N_H) by x_n; later harmonics of x are 0."""
+        p = np.matmul(self.P, x.reshape(len(x), -1, 1)).ravel().view(self.kind)  # cos + i sin of complex amplitudes
+        moved, first = np.empty_like(p), 0
+        for K in self.K:
+            there = slice(first, first + len(K))
+            np.matmul(K, p[there], out=moved[there])
+            first = there.stop
+        x[..., self.columns] -= moved.view(x.dtype).reshape(len(x), 3, -1)
+
+
 class SectorsPreconditioner(PairsPreconditioner):
-    """The blocks of B_n, eq. (5.5), within each sector of a whole disc: the pairs of two sectors are coupled by the disc only.
+    """A sweep over the harmonics, eq. (17.8), within each sector of a whole disc: the disc couples two sectors only weakly.
 
     Collective.  A sector of more than ``LARGEST_SECTOR`` active pairs is bisected.  A rank solves for the blocks with its pairs.
     """
 
     def __init__(self, at: Linearisation):
         super().__init__(at)
-        P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
+        P, harmonics = REGULAR * at.equation.gather(at.P), at.equation.harmonics
         sector = at.forces.active // (at.equation.model.n_pairs // at.equation.model.n_sectors)
         of_sectors = [np.flatnonzero(sector == s) for s in np.unique(sector)]
-        self.subdomains, inverses = _of_rank(at, P, bisected(at.G, of_sectors, LARGEST_SECTOR), self.local_rows)
-        self.local = [np.array([each.of_B for each in of_harmonics]) for of_harmonics in inverses]
+        self.unit = float(np.abs(P).max(initial=0.0)) or 1.0  # N/m
+        self.subdomains, responses = _of_rank(
+            at,
+            bisected(at.G, of_sectors, LARGEST_SECTOR),
+            self.local_rows,
+            lambda G, pairs: _responses(G, P[pairs], harmonics, self.unit),
+        )
+        self.pairs = np.concatenate([np.zeros(0, dtype=int), *(rows[::3] // 3 for rows in self.subdomains)])
+        mine = np.arange(self.local_rows.start, self.local_rows.stop, 3) // 3
+        self.places = np.argsort(self.pairs)[np.searchsorted(np.sort(self.pairs), mine)]
+        is_single = all(K.dtype in (np.float32, np.complex64) for of_harmonics in responses for K in of_harmonics)
+        self.kind = np.dtype(np.float32 if is_single else np.float64)
+        self.sweep = [
+            self._part(n, P[self.pairs], [each[harmonics.chosen.index(n)] for each in responses]) for n in _order(harmonics)
+        ]
 
-    def solve_all(self, b: np.ndarray) -> np.ndarray:
-        """Return the solutions for the right-hand sides b, those of all harmonics of a sector at once; of other ranks 0."""
-        of_harmonics, x = np.ascontiguousarray(b.T), np.zeros_like(b.T, order="C")
-        for rows, inverses in zip(self.subdomains, self.local):
-            is_range = rows[-1] - rows[0] == len(rows) - 1  # of a sector that is not bisected: a view
-            places = slice(rows[0], rows[-1] + 1) if is_range else rows
-            x[:, places] = (inverses @ of_harmonics[:, places, None].astype(inverses.dtype))[:, :, 0]
-        return x.T
+    def _part(self, n: int, P: np.ndarray, K: list[np.ndarray]) -> _Sweep:
+        """Return the part of harmonic n from the tangents of the pairs (m, 3 N_H, 3 N_H) [N/m] and K_n of each subdomain."""
+        harmonics = self.made_at.equation.harmonics
+        kind = self.kind if _is_whole(harmonics, n) else np.result_type(self.kind, np.complex64)
+        rows = P.reshape(len(P), 3, -1, P.shape[2])[:, :, harmonics.columns(n)].reshape(len(P), -1, P.shape[2])
+        P_n = np.ascontiguousarray(rows / self.unit, dtype=self.kind)
+        return _Sweep(harmonics.columns(n), P_n, [each.astype(kind, copy=False) for each in K], kind)
+
+    def apply(self, b: np.ndarray) -> np.ndarray:
+        """Return the approximate solution of (1 + G P) x = b within the sectors, (m, 3, N_H).  Collective: one gather."""
+        b = self.made_at.equation.gather(b)[self.pairs]
+        x = np.zeros(b.shape, dtype=self.kind)
+        for part in self.sweep:
+            x[..., part.columns] = b[..., part.columns]
+            part.solve(x)
+        return x[self.places].astype(float)
+
+
+def _order(harmonics: Harmonics) -> list[int]:
+    """Return the harmonics of a sweep: from the fundamental up, then the mean."""
+    return [*map(int, harmonics.above_mean), *harmonics.chosen[harmonics.mean]]
+
+
+def _is_whole(harmonics: Harmonics, n: int) -> bool:
+    """Return whether the sweep solves for a harmonic with its whole tangent, in real numbers: the fundamental and the mean."""
+    return n in (0, _order(harmonics)[0])
+
+
+def _responses(blocks: Iterator[np.ndarray], P: np.ndarray, harmonics: Harmonics, unit: float) -> list[np.ndarray]:
+    """Return K_n of one subdomain for each harmonic, without unit, from blocks of G_n and dp/dU (m, 3 N_H, 3 N_H).  Local.
+
+    Of a harmonic with its whole tangent it is real; of the others conjugate complex, with the complex-linear part.
+    """
+    N_H, responses = harmonics.n_coefficients, []
+    by_row, complex_P = P.reshape(len(P), 3, N_H, 3, N_H), complex_linear(P, N_H).conj()
+    for i, (n, G_n) in enumerate(zip(harmonics.chosen, blocks)):
+        if _is_whole(harmonics, n):
+            columns = harmonics.columns(n)
+            P_n = by_row[:, :, columns, :, columns].reshape(len(P), 3 * (columns.stop - columns.start), -1)
+            responses.append(_response(G_n.real if n == 0 else _of_coefficients(G_n), P_n, unit))
+        else:
+            responses.append(_response(G_n.conj(), complex_P[:, i], unit))
+    return responses
+
+
+def _of_coefficients(G: np.ndarray) -> np.ndarray:
+    """Return the real map of the coefficients cos, sin of each row, (2 r, 2 r), that multiplies their amplitudes by G (r, r)."""
+    parts = np.array([[G.real, G.imag], [-G.imag, G.real]])
+    return parts.transpose(2, 0, 3, 1).reshape(2 * len(G), -1)
+
+
+def _response(G: np.ndarray, P: np.ndarray, unit: float) -> np.ndarray:
+    """Return (1 + G P)^-1 G times ``unit``, with P (m, a, a) block-diagonal; in single precision where that suffices.  Local."""
+    inverse = Inverse(np.eye(len(G)) + _times_blocks(G, P)).of_B
+    K: np.ndarray = inverse @ (unit * G).astype(inverse.dtype)
+    return K
+
+
+def _times_blocks(G: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Return G P of a block-diagonal P, (m, a, a).  Local."""
+    product: np.ndarray = np.einsum("rmi,mij->rmj", G.reshape(len(G), *P.shape[:2]), P).reshape(G.shape)
+    return product
 
 
 class SubdomainPreconditioner(PairsPreconditioner):
@@ -68,7 +158,8 @@ class SubdomainPreconditioner(PairsPreconditioner):
         super().__init__(at)
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
         regions = bisected(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
-        self.subdomains, self.local = _of_rank(at, P, bisected(at.G, regions, LOCAL), self.local_rows)
+        subdomains = bisected(at.G, regions, LOCAL)
+        self.subdomains, self.local = _of_rank(at, subdomains, self.local_rows, lambda G, pairs: _inverses(G, P[pairs]))
         self.regions = _Regions(at, P, regions)
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
@@ -107,25 +198,24 @@ class _Regions:
 
 
 def _of_rank(
-    at: Linearisation, P: np.ndarray, subdomains: list[np.ndarray], local_rows: slice
-) -> tuple[list[np.ndarray], list[list[Inverse]]]:
-    """Return the rows of the subdomains with pairs of this rank, and the inverses of their blocks by harmonic.
+    at: Linearisation,
+    subdomains: list[np.ndarray],
+    local_rows: slice,
+    of_blocks: Callable[[Iterator[np.ndarray], np.ndarray], list[Any]],
+) -> tuple[list[np.ndarray], list[list[Any]]]:
+    """Return the rows of the subdomains with pairs of this rank, and what is made of their blocks of G_n and their pairs.
 
     Collective: one gather for each of all ``subdomains`` (k,) of active pairs; ``local_rows`` are the rows of this rank's.
     """
-    of_rank, inverses = [], []
-    for rows in map(rows_of, subdomains):
-        blocks = at.G.blocks(rows[::3] // 3)
+    of_rank, made = [], []
+    for pairs in subdomains:
+        blocks, rows = at.G.blocks(pairs), rows_of(pairs)
         if ((rows >= local_rows.start) & (rows < local_rows.stop)).any():
             of_rank.append(rows)
-            inverses.append(_inverses(blocks, P, rows))
-    return of_rank, inverses
+            made.append(of_blocks(blocks, pairs))
+    return of_rank, made
 
 
-def _inverses(blocks: Iterator[np.ndarray], P: np.ndarray, rows: np.ndarray) -> list[Inverse]:
-    """Return the inverse of the block of B_n of one subdomain, for each harmonic, from blocks of G_n.  Local."""
-    pairs, inverses = rows[::3] // 3, []
-    for n, G_n in enumerate(blocks):
-        G_P = np.einsum("rmi,mij->rmj", G_n.reshape(len(rows), -1, 3), P[pairs, n]).reshape(G_n.shape)
-        inverses.append(Inverse(np.eye(len(rows)) + G_P))
-    return inverses
+def _inverses(blocks: Iterator[np.ndarray], P: np.ndarray) -> list[Inverse]:
+    """Return the inverse of the block of B_n of one subdomain, for each harmonic, from blocks of G_n and P_n.  Local."""
+    return [Inverse(np.eye(len(G_n)) + _times_blocks(G_n, P[:, n])) for n, G_n in enumerate(blocks)]
