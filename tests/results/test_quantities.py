@@ -7,11 +7,11 @@ from typing import Annotated
 import h5py
 import numpy as np
 import pytest
+from docs.guide_tables import with_tables
 from synthetic_results import branch, two_flanks, write
 
 from microslip.points.branch import QUANTITIES
 from microslip.points.quantities import Column, Quantity, axis_lengths, declared, number
-from microslip.results.guide_tables import with_tables
 from microslip.results.read import read_results
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide.md"
@@ -78,5 +78,5 @@ def test_names_of_earlier_versions_are_read(tmp_path):
 
 def test_the_tables_of_the_guide_are_those_of_the_declarations():
     text = GUIDE.read_text(encoding="utf-8")
-    assert with_tables(text) == text, "run python -m microslip.results.guide_tables docs/guide.md"
+    assert with_tables(text) == text, "run python tests/docs/guide_tables.py docs/guide.md"
     assert with_tables(text.replace("| `phase_rad` |", "| `phase` |").replace("(n, n_pair, 3, 2H+1)", "(n)")) == text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from ..fourier.coefficients import amplitude
 from ..parallel.agree import on_root
 from ..points.branch import Branch, Point
 from ..points.peak import Peak, top_of_curve
-from ..system.files import atomic_write
+from ..results.table import write_table
 from .build import WholeStructure
 from .follow_response import follow
 from .prepare import Prepared, prepare
@@ -111,9 +110,9 @@ def write_by_sector(levels: Sequence[LevelBySector], folder: Path) -> None:
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with atomic_write(str(folder / FILE)) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for each in levels:
-            for s, row in enumerate(zip(each.peak, each.frequency, each.amplification, each.friction)):
-                writer.writerow([f"{each.level:.10g}", s, *(f"{value:.10g}" for value in row)])
+    rows = (
+        [f"{each.level:.10g}", s, *(f"{value:.10g}" for value in row)]
+        for each in levels
+        for s, row in enumerate(zip(each.peak, each.frequency, each.amplification, each.friction))
+    )
+    write_table(str(folder / FILE), COLUMNS, rows)

@@ -6,7 +6,6 @@ there are none.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -16,8 +15,7 @@ import numpy as np
 from ..elements import KINDS
 from ..mesh.data import ElementBlock, Mesh
 from ..messages.errors import CaseError
-from ..system.files import atomic_write
-from ..system.hdf5 import written_hdf5
+from ..system.hdf5 import extended_hdf5
 from .checked_datasets import Reader, opened
 from .writer import write_array, write_texts
 
@@ -68,14 +66,12 @@ def store_fields(path: str, fields: Fields | None, run: RunRecord | None = None)
     """
     if fields is None and run is None:
         return
-    with atomic_write(path) as temporary:
-        shutil.copyfile(path, temporary)
-        with written_hdf5(temporary, "r+") as file:
-            if run is not None:
-                _write_run(file, run)
-            if fields is not None:
-                _write_mesh(file, fields.mesh)
-                _write_fields(file, fields)
+    with extended_hdf5(path) as file:
+        if run is not None:
+            _write_run(file, run)
+        if fields is not None:
+            _write_mesh(file, fields.mesh)
+            _write_fields(file, fields)
 
 
 def _write_run(file: h5py.File, run: RunRecord) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
-import shutil
 from collections.abc import Sequence
+from itertools import chain
 
 import h5py
 import numpy as np
@@ -15,9 +13,9 @@ from ..contact.law import OPEN, SLIP
 from ..fourier.coefficients import phase
 from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import Column
-from ..system.files import atomic_write
-from ..system.hdf5 import written_hdf5
+from ..system.hdf5 import extended_hdf5
 from .record import PeaksOver, ResultFile, peak_arrays
+from .table import write_table
 from .writer import common, write_array, write_level
 
 NAME = "peaks_over.csv"
@@ -49,21 +47,11 @@ def store_peaks_over(folder: str, head: ResultFile, curves: Sequence[PeaksOver])
     CaseError, ResourceError : a file cannot be written
     """
     path, units = os.path.join(folder, "results.h5"), [head.unit_of(k) for k in range(len(head.outputs))]
-    with atomic_write(path) as temporary:
-        shutil.copyfile(path, temporary)
-        with written_hdf5(temporary, "r+") as file:
-            if "over" in file:
-                del file["over"]
-            for i, curve in enumerate(curves):
-                _write(file.create_group(f"over/{i:04d}"), curve, common(units), units[curve.linear.output])
-    with atomic_write(os.path.join(folder, NAME)) as temporary:
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([column.name for column in COLUMNS])
-        for i, curve in enumerate(curves, 1):
-            writer.writerows(_rows(i, curve, head.outputs[curve.linear.output], units[curve.linear.output]))
-        with open(temporary, "wb") as table:
-            table.write(text.getvalue().encode(errors="backslashreplace"))
+    with extended_hdf5(path, "over") as file:
+        for i, curve in enumerate(curves):
+            _write(file.create_group(f"over/{i:04d}"), curve, common(units), units[curve.linear.output])
+    rows = (_rows(i, curve, head.outputs[curve.linear.output], units[curve.linear.output]) for i, curve in enumerate(curves, 1))
+    write_table(os.path.join(folder, NAME), [column.name for column in COLUMNS], chain.from_iterable(rows))
 
 
 def _write(group: h5py.Group, curve: PeaksOver, unit: str, unit_of_output: str) -> None:

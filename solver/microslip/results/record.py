@@ -101,11 +101,11 @@ class PeaksOver:
 class Wear:
     """What a joint has worn after n numbers of cycles."""
 
-    law: str
+    law: str  # of wear
     output: str
     cycles: np.ndarray  # (n,)
     depth: np.ndarray  # (n, n_pairs) m
-    N0: np.ndarray  # (n, n_pairs) N at rest; below 0 a gap, NaN without a limit
+    N0: np.ndarray  # (n, n_pairs) N at rest; below 0 a gap of -N0 / k_n, NaN without a limit
     frequency: np.ndarray  # (n,) Hz
     amplitude: np.ndarray  # (n,) of harmonic 1 of the output, in its unit
     damping: np.ndarray  # (n,) -, NaN where the frequency stays

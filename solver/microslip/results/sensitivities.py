@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -17,8 +16,8 @@ from ..messages.words import hint
 from ..points.peak import Peak
 from ..points.quantities import Column, hertz
 from ..points.sensitivities import COMMON, NUMBERS, of_size
-from ..system.files import atomic_write
 from .record import Joint, LevelResult, ResultFile
+from .table import write_table
 
 NAME = "sensitivities.csv"
 NEAR_TOP = 0.99  # of the amplitude of the highest point: a peak that is lower is another one
@@ -215,15 +214,9 @@ def write_sensitivities(folder: str, results: ResultFile, varied: Sequence[Varie
     CaseError, ResourceError : the file cannot be written
     """
     levels = [level for level in results.levels if level.d_by_pairs is not None]
-    if not levels:
-        return
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([column.name for column in COLUMNS])
-    for level in levels:
-        writer.writerows(_rows(results, level, varied))
-    with atomic_write(os.path.join(folder, NAME)) as temporary, open(temporary, "wb") as table:
-        table.write(text.getvalue().encode(errors="backslashreplace"))
+    if levels:
+        rows = chain.from_iterable(_rows(results, level, varied) for level in levels)
+        write_table(os.path.join(folder, NAME), [column.name for column in COLUMNS], rows)
 
 
 def _rows(results: ResultFile, level: LevelResult, varied: Sequence[Varied]) -> Iterator[list[object]]:

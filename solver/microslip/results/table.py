@@ -29,6 +29,23 @@ COLUMNS = (
 NAME = "frf.csv"
 
 
+def write_table(path: str, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a table with the names of its columns.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    with atomic_write(path) as temporary, open(temporary, "wb") as file:
+        file.write(_as_csv([columns, *rows]))
+
+
+def _as_csv(rows: Iterable[Iterable[object]]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode(errors="backslashreplace")
+
+
 class ResponseTable:
     """The table of a run, created with its header.  Rank 0 only.
 
@@ -54,9 +71,7 @@ class ResponseTable:
 
     def _append(self, rows: Iterable[Iterable[object]]) -> None:
         """Write rows, all of them or none: what a full disk took of them is cut off again."""
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(rows)
-        data = text.getvalue().encode(errors="backslashreplace")
+        data = _as_csv(rows)
         try:
             written = 0
             while written < len(data):

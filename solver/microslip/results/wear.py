@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import shutil
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..contact.law import OPEN, SLIP
-from ..system.files import atomic_write
-from ..system.hdf5 import written_hdf5
+from ..system.hdf5 import extended_hdf5
 from .joint_mesh import joint_mesh
-from .record import Joint
+from .record import Joint, Wear
 from .vtk_steps import write_joint_series
 from .writer import write_array
 
@@ -40,35 +38,22 @@ OF_JOINT = {
 
 
 @dataclass(frozen=True, eq=False)
-class WearHistory:
-    """A joint after n numbers of cycles."""
+class WearHistory(Wear):
+    """A joint after n numbers of cycles, with what files beyond results.h5 show."""
 
-    law: str  # of wear
     unit: str  # of its coefficient
     level: float
     level_unit: str
-    output: str
     output_unit: str
     frequency_stays: bool
     joint: Joint  # before the first cycle
     area: np.ndarray  # (n_pairs,) m2, by which depth is volume
-    cycles: np.ndarray  # (n,)
-    depth: np.ndarray  # (n, n_pairs) m
     total: np.ndarray  # (n, n_pairs) J, friction loss since the first cycle
     energy: np.ndarray  # (n, n_pairs) J, friction loss of a cycle
-    N0: np.ndarray  # (n, n_pairs) N, at rest; below 0 a gap of -N0 / k_n
     state: np.ndarray  # (n, n_pairs) states in the cycle
-    frequency: np.ndarray  # (n,) Hz
-    amplitude: np.ndarray  # (n,) of harmonic 1 of the output
-    damping: np.ndarray  # (n,) -
     error: np.ndarray  # (n,) of the amplitude; NaN without error bars
     jump_error: np.ndarray  # (n,) m
     failure: str = ""  # why it ends before the stated cycles
-
-    @property
-    def normal_force(self) -> np.ndarray:
-        """At rest, (n, n_pairs) [N]."""
-        return np.maximum(np.nan_to_num(self.N0), 0.0)
 
     def records(self) -> list[dict[str, Any]]:
         """Return a record for each number of cycles, by the columns of wear.csv."""
@@ -119,18 +104,14 @@ def store_wear(path: str, history: WearHistory) -> None:
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with atomic_write(path) as temporary:
-        shutil.copyfile(path, temporary)
-        with written_hdf5(temporary, "r+") as file:
-            if "wear" in file:
-                del file["wear"]
-            group = file.create_group("wear")
-            for name in ("law", "unit", "level", "output"):
-                group.attrs[name] = getattr(history, name)
-            for name, unit in _ARRAYS.items():
-                write_array(group, name, getattr(history, name), unit)
-            for name in ("amplitude", "error"):
-                write_array(group, name, getattr(history, name), history.output_unit)
+    with extended_hdf5(path, "wear") as file:
+        group = file.create_group("wear")
+        for name in ("law", "unit", "level", "output"):
+            group.attrs[name] = getattr(history, name)
+        for name, unit in _ARRAYS.items():
+            write_array(group, name, getattr(history, name), unit)
+        for name in ("amplitude", "error"):
+            write_array(group, name, getattr(history, name), history.output_unit)
 
 
 def write_wear_series(folder: str, history: WearHistory) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,7 @@ from ..points.branch import QUANTITIES, Branch, Point
 from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..system.files import atomic_write, make_folder
-from ..system.hdf5 import written_hdf5
+from ..system.hdf5 import extended_hdf5, written_hdf5
 from ..system.signals import unbroken
 from .origin import Origin
 from .record import (
@@ -112,12 +111,8 @@ class ResultWriter:
         """Replace results.h5 by itself with a level added."""
         result = level_result(branch, self._sizes, status, self._level_unit)
         name = f"levels/{number:04d}"
-        with atomic_write(self.path) as temporary:
-            shutil.copyfile(self.path, temporary)
-            with written_hdf5(temporary, "r+") as file:
-                if name in file:
-                    del file[name]
-                write_level(file.create_group(name), result, common(self._units))
+        with extended_hdf5(self.path, name) as file:
+            write_level(file.create_group(name), result, common(self._units))
 
     def close(self) -> None:
         """Close frf.csv; results.h5 is closed between the levels.  Local, so that an error of one rank may pass through."""

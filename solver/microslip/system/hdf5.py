@@ -4,10 +4,13 @@ Imports h5py, which nothing else in this room needs.
 """
 
 import io
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import h5py
+
+from .files import atomic_write
 
 
 @contextmanager
@@ -24,6 +27,22 @@ def written_hdf5(path: str, mode: str = "w") -> Iterator[h5py.File]:
             yield hdf5
     if disk.problem is not None:
         raise disk.problem
+
+
+@contextmanager
+def extended_hdf5(path: str, replaced: str = "") -> Iterator[h5py.File]:
+    """Yield an existing HDF5 file, without its group ``replaced``, to add to; the file is complete or as it was.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    with atomic_write(path) as temporary:
+        shutil.copyfile(path, temporary)
+        with written_hdf5(temporary, "r+") as file:
+            if replaced and replaced in file:
+                del file[replaced]
+            yield file
 
 
 class _Disk(io.RawIOBase):

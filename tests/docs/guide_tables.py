@@ -1,4 +1,7 @@
-"""The tables of docs/guide.md that follow from the declarations: ``python -m microslip.results.guide_tables docs/guide.md``."""
+"""The tables of docs/guide.md that follow from the declarations.
+
+PYTHONPATH=solver python tests/docs/guide_tables.py docs/guide.md        writes them
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,13 @@ from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 
-from ..points.bifurcation import BIFURCATION_QUANTITIES
-from ..points.branch import QUANTITIES
-from ..points.peak import PEAK_QUANTITIES
-from ..points.quantities import Column, Quantity, axis_lengths
-from .record import JOINT_QUANTITIES
-from .sensitivities import COLUMNS as OF_SENSITIVITIES
-from .table import COLUMNS
+from microslip.points.bifurcation import BIFURCATION_QUANTITIES
+from microslip.points.branch import QUANTITIES
+from microslip.points.peak import PEAK_QUANTITIES
+from microslip.points.quantities import Column, Quantity, axis_lengths
+from microslip.results.record import JOINT_QUANTITIES
+from microslip.results.sensitivities import COLUMNS as OF_SENSITIVITIES
+from microslip.results.table import COLUMNS
 
 SIZES = {"outputs": "n_output", "pairs": "n_pair", "coefficients": "2H+1"}  # the others have the same length in every file
 
