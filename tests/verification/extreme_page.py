@@ -98,7 +98,7 @@ def not_solved(outcomes: list) -> list[str]:
             words = outcome.words.split("/scene.toml: ")[-1].splitlines()[0].replace("|", "\\|") if outcome.words else ""
             what = outcome.status + ("" if not outcome.expected else ", by a rule" if outcome.has_answer else ", has no answer")
             rows.append([outcome.name, what, str(outcome.n_points), words])
-    return table(("case", "outcome", "points kept", "in the program's words"), rows, words=4)
+    return table(("case", "outcome", "points computed", "in the program's words"), rows, words=4)
 
 
 def draw(outcomes: list, path: Path) -> None:

@@ -204,8 +204,8 @@ def factorise(
     prefix : of the PETSc options, read last
     what : name of A in messages
     elimination : of the order of elimination
-    shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and nothing
-        else kept
+    shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and its
+        entries discarded
     later : returns the bytes that this rank needs in addition to the factor, from the size of the factor
     schur : (m,) rows that are not eliminated, rising: their Schur complement is S of the factor
 
