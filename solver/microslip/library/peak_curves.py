@@ -21,7 +21,7 @@ from ..scene.solution import Over
 from .build import Structure
 from .prepare import Prepared, prepare
 from .respond import Keys, scene_with, with_modes_for
-from .sensitivities import FACTOR, IN_FORCES, LAW_NAMES, UNITS
+from .sensitivities import FACTOR, LAW_NAMES, column_of, unit_of_pairs
 from .settings import reduction_settings, units_of
 
 
@@ -72,13 +72,10 @@ def number_of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> t
     CaseError : no pair of the joint has such a number
     """
     numbers = np.flatnonzero(np.array(pairs.joint) == name)
-    gap = np.divide(-pairs.N0, pairs.k_n, out=np.zeros_like(pairs.k_n), where=pairs.k_n > 0.0)
-    columns = {"mu": pairs.mu, "N0": pairs.N0, "gap": gap, "k_t": pairs.k_t, "k_n": pairs.k_n}
-    column = columns[LAW_NAMES[key]][numbers]
+    column = column_of(pairs, key)[numbers]
     stated = next((getattr(joint, key) for joint in scene.joints if joint.name == name), None)
     if isinstance(stated, float) and stated > 0.0:
-        has_area = np.isfinite(pairs.area[numbers]).all()
-        return LawParameter(LAW_NAMES[key], numbers, column / stated), UNITS[key] if has_area else IN_FORCES.get(key, UNITS[key])
+        return LawParameter(LAW_NAMES[key], numbers, column / stated), unit_of_pairs(pairs, numbers, key)
     has_one = column > 0.0 if key in ("gap", "preload") else np.full(len(column), True)
     if not has_one.any():
         other = "preload" if key == "gap" else "gap"

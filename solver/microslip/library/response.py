@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -233,10 +233,7 @@ class Response:
         ------
         CaseError : xarray is missing
         """
-        try:
-            import xarray
-        except ImportError:
-            raise CaseError("to_xarray needs xarray; install it: pip install xarray") from None
+        xarray = xarray_module()
         arrays = {name: self.array(name) for name in _QUANTITY}
         variables = {
             name: (self.axes(name), values, {"units": self.unit(name), "long_name": _quantity(name).meaning})
@@ -318,6 +315,15 @@ class Response:
         on_root(comm, write_shapes, self.prepared, self.branches, shapes, folder, share=False)
         on_root(comm, write_sensitivities, str(folder), self.results, varied_numbers(self.prepared.scene, self.prepared.pairs))
         on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
+
+
+def xarray_module() -> Any:
+    """Return xarray.  Local.  Raises CaseError: it is missing."""
+    try:
+        import xarray
+    except ImportError:
+        raise CaseError("to_xarray needs xarray; install it: pip install xarray") from None
+    return xarray
 
 
 def _draw(results: ResultFile, picture: str, path: str | Path | None) -> Figure:

@@ -56,30 +56,31 @@ def _of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> list[Va
     law, joint = pairs.laws[of[0]], next((joint for joint in scene.joints if joint.name == name), None)
     if key not in numbers_of_law(law):
         return []
-    column = np.maximum(np.nan_to_num(_column(pairs, key)[of]), 0.0)
+    column = np.maximum(np.nan_to_num(column_of(pairs, key)[of]), 0.0)
     if not column.any():
         return []
     stated, unit, value = getattr(joint, key), FACTOR, 1.0
     if isinstance(stated, float) and stated > 0.0 and not (scene.statics is not None and key in AT_REST):
-        has_area = bool(np.isfinite(pairs.area[of]).all())
-        unit, value = UNITS[key] if has_area else IN_FORCES.get(key, UNITS[key]), stated
+        unit, value = unit_of_pairs(pairs, of, key), stated
     weights = column / value
     if key == "gap":
         return [Varied(f"joints.{name}.gap", unit, value, "N0", of, -pairs.k_n[of] * weights)]
     return [Varied(f"joints.{name}.{key}", unit, value, NUMBER_OF[key], of, weights)]
 
 
-def _column(pairs: ContactPairs, key: str) -> np.ndarray:
-    """Return a number of the pairs, (n_pairs,)."""
+def unit_of_pairs(pairs: ContactPairs, numbers: np.ndarray, key: str) -> str:
+    """Return the unit of a number stated for all pairs of a joint: per area if these have one.  Local."""
+    return UNITS[key] if np.isfinite(pairs.area[numbers]).all() else IN_FORCES.get(key, UNITS[key])
+
+
+def column_of(pairs: ContactPairs, key: str) -> np.ndarray:
+    """Return a number of the pairs, (n_pairs,).  Local."""
     if key == "slip_force":
-        return np.where(np.array(pairs.laws) == IWAN, limit({"mu": pairs.mu, "N0": pairs.N0, **_of_law(pairs)}), 0.0)
+        stated = pairs.law_columns.get("slip_force", np.full(pairs.n_pairs, np.nan))
+        return np.where(pairs.laws == IWAN, limit({"mu": pairs.mu, "N0": pairs.N0, "slip_force": stated}), 0.0)
     gap = np.divide(-pairs.N0, pairs.k_n, out=np.zeros_like(pairs.k_n), where=pairs.k_n > 0.0)
     columns = {"friction": pairs.mu, "preload": pairs.N0, "gap": gap, "tangential_stiffness": pairs.k_t}
     return columns.get(key, pairs.k_n)
-
-
-def _of_law(pairs: ContactPairs) -> dict[str, np.ndarray]:
-    return {"slip_force": pairs.law_columns.get("slip_force", np.full(pairs.n_pairs, np.nan))}
 
 
 def damping_key(scene: Scene) -> str:

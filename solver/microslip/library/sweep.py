@@ -13,6 +13,7 @@ from ..messages.errors import CaseError
 from .build import Structure
 from .design import Design, grid
 from .peak_curves import FACTOR
+from .response import xarray_module
 from .sample_peaks import DONE, FAILED, OUTSIDE, Sample, SamplePeaks
 from .sensitivities import unit_of_key
 from .settings import units_of
@@ -128,10 +129,7 @@ class SweepTable:
         ------
         CaseError : xarray is missing
         """
-        try:
-            import xarray
-        except ImportError:
-            raise CaseError("to_xarray needs xarray; install it: pip install xarray") from None
+        xarray = xarray_module()
         axes = self.design.axes
         variables = {
             name: (axes, self.on_axes(name), {"units": self.unit_of(name), "long_name": NUMBERS[name][1]}) for name in NUMBERS

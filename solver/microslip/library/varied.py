@@ -23,6 +23,7 @@ from ..messages.words import hint
 from ..scene.overrides import words_of
 from ..scene.read import with_settings
 from ..scene.schema import Scene
+from .fitted_numbers import IN_FILE
 from .peak_curves import LAW_NAMES
 from .respond import TABLES
 from .settings import n_sectors_of
@@ -30,7 +31,6 @@ from .settings import n_sectors_of
 Kind = Literal["level", "law", "rest", "settings", "load", "build"]
 LEVELS = ("level", "response.level", "response.levels")
 OF_LOADS = ("scale", "pressure", "phase")
-_OF_FILE = {"friction": "mu", "preload": "n0", "gap": "g0", "tangential_stiffness": "kt", "normal_stiffness": "kn"}
 STIFFNESS = ("tangential_stiffness", "normal_stiffness")
 _AT_REST = ("friction", "preload")  # of a joint, before the loads of [statics] act
 
@@ -194,10 +194,10 @@ def _check_factor(scene: Scene, key: str, value: float) -> None:
     """Raise CaseError for a factor with which the numbers in the file of a joint are not allowed there.  Local."""
     _, name, number = words_of(key)
     joint = next(joint for joint in scene.joints if joint.name == name)
-    is_above_0 = number == "preload" or _OF_FILE[number] in LAWS[joint.law].above_0
+    is_above_0 = number == "preload" or IN_FILE[number] in LAWS[joint.law].above_0
     if value < 0.0 or (value == 0.0 and is_above_0):
         must = "must be above 0" if is_above_0 else "must not be negative"
-        raise CaseError(f"{scene.source}: {key} = {value:g}: the factor of {_OF_FILE[number]} in {joint.pairs} {must}")
+        raise CaseError(f"{scene.source}: {key} = {value:g}: the factor of {IN_FILE[number]} in {joint.pairs} {must}")
 
 
 def _stated(scene: Scene, name: str, number: str) -> float | None:

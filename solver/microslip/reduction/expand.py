@@ -116,11 +116,7 @@ def peak_displacements(
     """
     peaks = [branch.peak for branch in branches]
     at = [(branch, branch.points[peak]) for branch, peak in zip(branches, peaks)]
-    points = [ActingForces(branch.level, point.omega, _flat(model.comm.bcast(point.p))) for branch, point in at]
+    forces = [model.comm.bcast(point.p) for _, point in at]
+    points = [ActingForces(branch.level, point.omega, p.reshape(-1, p.shape[-1])) for (branch, point), p in zip(at, forces)]
     fields = (motions_at_nodes(system, u_owned) for u_owned in reduction.displacements(model, points))
     return [(peak, np.empty((0, 3, 0)) if u is None else u) for peak, u in zip(peaks, fields)]
-
-
-def _flat(p: np.ndarray) -> np.ndarray:
-    """Return recorded forces of pairs, (n_pairs, 3, N_H), as (3 n_pairs, N_H).  Local."""
-    return p.reshape(-1, p.shape[-1])

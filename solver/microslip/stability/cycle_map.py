@@ -271,7 +271,8 @@ class CycleMap:
         """
         m = self.n_modes
         if len(self.contact.pairs) == 0:
-            return _by_modulus(ModalStep(self.omega_n, self.damping, self.period).multipliers())[:N_MULTIPLIERS]
+            values = ModalStep(self.omega_n, self.damping, self.period).multipliers()
+            return values[np.argsort(-np.abs(values), kind="stable")][:N_MULTIPLIERS]
         moves = (self.contact.by_first.any(axis=(0, 1, 4)) | self.contact.by_last.any(axis=(0, 1, 4))).ravel()
         n_moving = int(np.count_nonzero(moves))  # a direction in which a slider never slips has the multiplier 1
         basis = np.eye(self.n_memory)[:, moves]
@@ -294,7 +295,3 @@ class CycleMap:
                 return values[chosen]
             x_new, new = self.apply(np.zeros((2, m, u.shape[1])), u)
             basis, x, memory = np.hstack([basis, u]), np.concatenate([x, x_new], axis=-1), np.hstack([memory, new])
-
-
-def _by_modulus(values: np.ndarray) -> np.ndarray:
-    return values[np.argsort(-np.abs(values), kind="stable")]

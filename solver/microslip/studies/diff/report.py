@@ -46,7 +46,8 @@ def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path
 
 def text_of(comparison: Difference) -> str:
     """Return the complete comparison as text, with the verdict in the last line.  Local."""
-    parts = [_heads(comparison), _inputs(comparison), _structure(comparison)]
+    heads = f"A  {_head(comparison.a)}\nB  {_head(comparison.b)}"
+    parts = [heads, _inputs(comparison), _structure(comparison)]
     if comparison.levels:
         parts.append(_table(comparison))
     notes = _notes(comparison)
@@ -79,10 +80,6 @@ def _by(comparison: Difference) -> str:
     if comparison.tolerance is None and not all(level.same_points for level in comparison.levels):
         text += " beyond the resolution of the points"
     return text + (", or the error bars)" if comparison.bars else ")")
-
-
-def _heads(comparison: Difference) -> str:
-    return "\n".join(f"{side}  {_head(results)}" for side, results in (("A", comparison.a), ("B", comparison.b)))
 
 
 def _head(results: ResultFile) -> str:

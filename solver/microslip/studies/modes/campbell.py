@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ...linear.dense import gram
 from ...observe.screen_table import screen_table
-from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled
+from ...results.style import BOXED, FAINT, INK, RC, WIDTH, Page, Titled
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
@@ -26,6 +26,14 @@ class Campbell:
     speed: np.ndarray  # (n_speeds,) rad/s, ascending
     frequency: np.ndarray  # (n_families, n_speeds) Hz
     power: int = 2  # p: f^p is linear in Omega^p between two speeds; 1 with Coriolis forces
+
+    def records(self) -> list[dict[str, float]]:
+        """Return one record per speed, by the names of the columns of campbell.csv."""
+        return [
+            {"speed_rad_s": float(speed), "speed_rpm": float(speed) * 30.0 / np.pi}
+            | {f"family_{i}_Hz": float(f) for i, f in enumerate(frequency, 1)}
+            for speed, frequency in zip(self.speed, self.frequency.T)
+        ]
 
 
 @dataclass(frozen=True)
@@ -110,23 +118,41 @@ def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, fol
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
-    resonances = crossings(campbell, orders)
-    records = [
-        {"speed_rad_s": float(speed), "speed_rpm": float(speed) * 30.0 / np.pi}
-        | {f"family_{i}_Hz": float(f) for i, f in enumerate(campbell.frequency[:, k], 1)}
-        for k, speed in enumerate(campbell.speed)
-    ]
+    resonances, records = crossings(campbell, orders), campbell.records()
     write_csv(str(folder / "campbell.csv"), records[0], records)
-    columns = ("family", "engine_order", "speed_rad_s", "speed_rpm", "frequency_Hz")
-    rows = [(c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for c in resonances]
-    write_csv(str(folder / "crossings.csv"), columns, [dict(zip(columns, row)) for row in rows])
     with matplotlib.rc_context(RC):
         draw_campbell(campbell, orders, resonances, scene, str(folder / "campbell.png"))
+    return write_crossings([((c.family,), c) for c in resonances], ("family",), campbell.speed.tolist(), folder)
+
+
+def write_crossings(
+    resonances: Sequence[tuple[tuple[int, ...], Crossing]],
+    names: Sequence[str],
+    speeds: Sequence[float],
+    folder: Path,
+    at: str = "",
+) -> str:
+    """Write crossings.csv, in each row the numbers of a mode under their ``names``; return it as a table for the screen.
+
+    Local, rank 0.  ``at`` states the speeds that the frequencies belong to.
+    """
+    n, columns = len(names) + 1, (*names, "engine_order", "speed_rad_s", "speed_rpm", "frequency_Hz")
+    rows = [(*numbers, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for numbers, c in resonances]
+    write_csv(str(folder / "crossings.csv"), columns, [dict(zip(columns, row)) for row in rows])
     return screen_table(
-        f"resonances between {campbell.speed[0]:g} and {campbell.speed[-1]:g} rad/s" + ("" if rows else ": none"),
-        ["family", "engine order", "speed rad/s", "rpm", "frequency Hz"],
-        [(row[0], [str(row[0]), str(row[1]), *(cell(value, 6) for value in row[2:])]) for row in rows],
+        f"resonances between {min(speeds):g} and {max(speeds):g} rad/s{at}" + ("" if rows else ": none"),
+        [*(name.replace("_", " ") for name in columns[:n]), "speed rad/s", "rpm", "frequency Hz"],
+        [(row[0], [*map(str, row[:n]), *(cell(value, 6) for value in row[n:])]) for row in rows],
     )
+
+
+def draw_engine_orders(axes, orders: Sequence[int], end: float, top: float) -> None:
+    """Draw f = E Omega / 2 pi of engine orders E up to a speed ``end`` [rad/s] and a frequency ``top`` [Hz].  Local."""
+    for order in orders:
+        reached = min(end, 2.0 * np.pi * top / order)
+        axes.plot([0.0, reached * 30.0 / np.pi], [0.0, order * reached / (2.0 * np.pi)], color=FAINT, lw=0.6, ls="--", zorder=1)
+        place = 0.98 * reached * 30.0 / np.pi, 0.98 * order * reached / (2.0 * np.pi)
+        axes.annotate(f"E{order}", place, fontsize=6, color=INK, ha="center", va="center", bbox=BOXED)
 
 
 def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequence[Crossing], scene: Titled, path: str) -> None:
@@ -139,12 +165,7 @@ def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequenc
         axes.plot(speeds * 30.0 / np.pi, frequency, color=_COLOURS[i % len(_COLOURS)])
         axes.plot(rpm, campbell.frequency[i], ".", color=_COLOURS[i % len(_COLOURS)], markersize=4.0)
         axes.annotate(f" {i + 1}", (rpm[-1], campbell.frequency[i, -1]), fontsize=7, va="center", annotation_clip=False)
-    for order in orders:
-        end = min(rpm[-1], 60.0 * highest / order)
-        axes.plot([0.0, end], [0.0, order * end / 60.0], color=FAINT, lw=0.7, ls="--", zorder=1)
-        at = 0.97 * end
-        boxed = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
-        axes.annotate(f"E{order}", (at, order * at / 60.0), fontsize=7, color=INK, ha="center", va="center", bbox=boxed)
+    draw_engine_orders(axes, orders, float(campbell.speed[-1]), highest)
     axes.plot(
         [60.0 * c.frequency / c.order for c in resonances],
         [c.frequency for c in resonances],

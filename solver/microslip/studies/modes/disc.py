@@ -35,7 +35,7 @@ from ...scene.schema import Scene
 from ...system.files import make_folder
 from ...system.memory import give_back
 from ..records import cell, write_csv
-from .campbell import Crossing
+from .campbell import Crossing, write_crossings
 from .coriolis import basis_size, of_modes, waves_of
 from .report import joint_shares
 
@@ -296,15 +296,8 @@ def write_disc(by_diameter: Sequence[DiameterModes], scene: Titled, excited: Exc
 
 def write_resonances(resonances: Sequence[tuple[int, Crossing]], excited: Excited, folder: Path) -> str:
     """Write crossings.csv, nodal diameter and crossing in each row; return it as a table for the screen.  Local, rank 0."""
-    rows = [(d, c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for d, c in resonances]
-    columns = ("nodal_diameter", "mode", "engine_order", "speed_rad_s", "speed_rpm", "frequency_Hz")
-    write_csv(str(folder / "crossings.csv"), columns, [dict(zip(columns, row)) for row in rows])
-    low, high = min(excited.speeds), max(excited.speeds)
-    return screen_table(
-        f"resonances between {low:g} and {high:g} rad/s, with frequencies {excited.frequencies}" + ("" if rows else ": none"),
-        ["nodal diameter", "mode", "engine order", "speed rad/s", "rpm", "frequency Hz"],
-        [(row[0], [*map(str, row[:3]), *(cell(value, 6) for value in row[3:])]) for row in rows],
-    )
+    at, names = f", with frequencies {excited.frequencies}", ("nodal_diameter", "mode")
+    return write_crossings([((d, c.family), c) for d, c in resonances], names, excited.speeds, folder, at)
 
 
 def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:

@@ -14,10 +14,10 @@ from ...library.build import Assembled
 from ...messages.errors import CaseError
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
-from ...results.style import BOXED, FAINT, INK, MOST_NAMED, RC, WIDTH, Page, Titled, level_colours, some
+from ...results.style import INK, MOST_NAMED, RC, WIDTH, Page, Titled, level_colours, some
 from ...system.files import make_folder
 from ..records import write_csv
-from .campbell import Campbell, Crossing, Families, crossings, smooth
+from .campbell import Campbell, Crossing, Families, crossings, draw_engine_orders, smooth
 from .disc import (
     DIRECTIONS,
     DiameterModes,
@@ -117,12 +117,9 @@ def write_at_speeds(
     records = [record for each in at_highest for record in each.records()]
     write_csv(str(folder / "modes.csv"), records[0], records)
     rows = [
-        {"nodal_diameter": wave.diameter}
-        | ({"wave": wave.direction} if wave.direction else {})
-        | {"speed_rad_s": float(speed), "speed_rpm": float(speed) * 30.0 / np.pi}
-        | {f"family_{i}_Hz": float(f) for i, f in enumerate(campbell.frequency[:, k], 1)}
+        {"nodal_diameter": wave.diameter} | ({"wave": wave.direction} if wave.direction else {}) | at_speed
         for wave, campbell in by_wave.items()
-        for k, speed in enumerate(campbell.speed)
+        for at_speed in campbell.records()
     ]
     columns: dict[str, Any] = {name: None for row in rows for name in row}
     write_csv(str(folder / "campbell.csv"), columns, rows)
@@ -156,12 +153,7 @@ def draw_at_speeds(
             axes.plot(speed * 30.0 / np.pi, frequency, **lines[wave])
         axes.plot(np.array(campbell.speed) * 30.0 / np.pi, campbell.frequency.T, ".", ms=3.0, color=colours[wave.diameter])
     at_once = [order for order in excited.all_orders if any(crossing.order == order for _, crossing in met)]
-    for order in some(at_once, _NAMED):
-        reached = min(end, 2.0 * np.pi * top / order)
-        axes.plot([0.0, reached * 30.0 / np.pi], [0.0, order * reached / (2.0 * np.pi)], color=FAINT, lw=0.6, ls="--", zorder=1)
-        at = 0.98 * reached
-        place = at * 30.0 / np.pi, order * at / (2.0 * np.pi)
-        axes.annotate(f"E{order}", place, fontsize=6, color=INK, ha="center", va="center", bbox=BOXED)
+    draw_engine_orders(axes, some(at_once, _NAMED), end, top)
     for d, crossing in met:
         axes.plot(crossing.speed * 30.0 / np.pi, crossing.frequency, "o", mfc=colours[d], mec=INK, ms=4.0, mew=0.6, clip_on=False)
     low, high = (float(speed) * 30.0 / np.pi for speed in (min(excited.speeds), end))

@@ -37,7 +37,6 @@ class Shank:
     axis: np.ndarray  # (3,) unit, towards the largest head
     radius: float  # m
     position: np.ndarray  # (3,) m, point on the axis in the free part of the shank
-    nuts: tuple[int, ...] = ()  # numbers of parts
     rings: tuple[int, ...] = ()  # numbers of parts that are nuts or washers
     group: str | None = None  # group of the file that cuts the shank
 
@@ -151,7 +150,7 @@ def _with_nuts(skin: Skin, touching: Touching, shank: Shank, parts: dict[int, _P
     mine = (skin.part[touching.face] == shank.part) & (np.abs(skin.normal[touching.face] @ shank.axis) < _ACROSS)
     on_thread = set(skin.part[touching.other[mine]].tolist())
     nuts = tuple(number for number in rings if number in on_thread)
-    shank = replace(shank, rings=rings, nuts=nuts)
+    shank = replace(shank, rings=rings)
     if not nuts:
         return shank
     along, radius = _around(parts[shank.part].centre, shank)
