@@ -442,6 +442,12 @@ def test_archives_that_are_not_blocked_hold_the_same(tmp_path):
     assert [(one.word, one.where) for one in model.findings if one not in plainly.findings] == [("SFEBLOCK", "1 command")]
 
 
+@pytest.mark.parametrize("value, n", [("0.00000000", 0), ("0.", 0), ("0.0E+00", 0), ("9.81", 1), ("G", 1), ("1.0E+00", 1)])
+def test_accelerations_of_zero_as_every_archive_states_them_are_no_loads(tmp_path, value, n):
+    model = read_model(written(tmp_path, plain(), f"ACEL, 0.00000000 ,  0.00000000  , {value}"))
+    assert [one.where for one in model.findings if one.word == "ACEL"] == n * ["1 command"]
+
+
 def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):
     text = re.sub(r"^ET,(\s*\d+),\s*\d+", r"ET,\1,87", cdb(plain()), flags=re.MULTILINE)
     with pytest.raises(MeshError, match="none of its elements are solids .*: 6 of type 87, not known to this program"):

@@ -1,5 +1,6 @@
 """The content of the commands of an archive: types, materials, constants, constraints, and findings."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -27,6 +28,8 @@ _HARMLESS = set(
 _YIELDS = set("PLAS BISO BKIN MISO MKIN KINH NLIS CHAB CREE RATE HILL".split())  # first letters of TB
 _OF_TABLE = ("TBDA", "TBTE", "TBPT", "TBFI", "TBIN", "TBLI")  # commands about the table of the TB before them
 _LOADS = set("F SF SFE BF BFE FBLOCK SFBLOCK SFEBLOCK BFBLOCK BFEBLOCK ACEL OMEGA DOMEGA CGOMEGA DCGOMG CMACEL CMOMEGA".split())
+_OF_ALL = set("ACEL OMEGA DOMEGA CGOMEGA DCGOMG".split())  # which CDWRITE writes in any case, then with zeros
+_ZERO = re.compile(r"(?:[+-]?0*\.?0+\.?(?:[ED][+-]?\d+)?)?", re.IGNORECASE)
 _EFFECTS = {
     "EALIVE": "activated elements (birth)",
     "EKILL": "deactivated elements (death)",
@@ -222,6 +225,8 @@ def _pass_over(content: Content, command: Command) -> None:
     if word == "EBLOCK" and command.field(1).upper() != "SOLID":
         effect = "a block in the format of elements that are not solids, which is not read"
         content.findings.add(word, command.where, effect)
+    elif word in _OF_ALL and all(map(_ZERO.fullmatch, command.fields)):
+        return
     elif word in _LOADS:
         content.loads[word] = content.loads.get(word, 0) + 1
     elif word in _HARMLESS or "=" in word or "(" in word or (word.startswith("/") and word != "/INPUT"):
