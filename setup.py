@@ -57,7 +57,7 @@ def kernels():
         kernel("contact", "elastic_coulomb"),
         bridge("contact", "return_map", "return_map.c"),
         kernel("receptance", "row_products", "row_products_of.h"),
-        *(bridge(room, name) for room, name in (("assembly", "expand"), ("linear", "rows"))),
+        *(bridge(room, name) for room, name in (("assembly", "expand"), ("assembly", "rows"))),
         *mumps(),
     ]
 

@@ -9,8 +9,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.linalg import spsolve
 
+from microslip.assembly._rows import groups, upper_triangle
 from microslip.linear import _mumps, direct
-from microslip.linear._rows import groups, upper_triangle
 from microslip.linear.factor import Factor
 from microslip.linear.ordering import elimination_order
 from microslip.messages.errors import CaseError

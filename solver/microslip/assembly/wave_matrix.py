@@ -17,6 +17,7 @@ from petsc4py import PETSc
 
 from ..parallel.petsc import free, without_operands
 from ..system.signals import is_stopping
+from .products import times
 from .real_form import complex_columns, real_columns, real_matrix, real_rows
 
 
@@ -284,18 +285,3 @@ def _complex(X: np.ndarray) -> np.ndarray:
     Z: np.ndarray = np.empty((len(X), m), dtype=complex, order="F")
     Z.real, Z.imag = X[:, :m], X[:, m:]
     return Z
-
-
-def times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
-    """Return this rank's rows of A X, real (n_owned, m).  Collective."""
-    n_owned, m = X_owned.shape
-    block = np.asfortranarray(X_owned, dtype=float)
-    X = PETSc.Mat().createDense(((n_owned, None), (None, m)), array=block, comm=A.comm)
-    X.assemble()
-    product: np.ndarray = np.empty((A.getLocalSize()[0], m), order="F")
-    AX = PETSc.Mat().createDense(((len(product), None), (None, m)), array=product, comm=A.comm)
-    AX.assemble()
-    A.matMult(X, AX)
-    AX.destroy()
-    X.destroy()
-    return product

@@ -11,20 +11,20 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..assembly._rows import upper_triangle
 from ..guards.memory import refuse_beyond, shortage
 from ..messages.errors import CaseError, MicroslipError, ResourceError
 from ..parallel.agree import on_each
+from ..parallel.to_owners import ToOwners
 from ..system.memory import gigabytes, give_back
 from ..system.signals import is_stopping
 from ..system.watchdog import patient
-from ._rows import upper_triangle
 from .analysis import count, factor_memory
 from .bridge import VARIABLE, within_int32
 from .dense import diagonal_owned
 from .inverse_entries import inverse_entries
 from .ordering import Elimination, Order, elimination_order, last_of_all
 from .out_of_core import disks, room_on_disk, usual_folder, write_to_disk
-from .to_owners import ToOwners
 
 if TYPE_CHECKING:
     from collections.abc import Callable

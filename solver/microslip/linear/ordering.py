@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..assembly._rows import groups
 from ..parallel.agree import on_root
 from ..parallel.metis import nested_dissection
-from ._rows import groups
 from .bridge import within_int32
 
 

@@ -14,8 +14,8 @@ import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
 
+from ..assembly._rows import energies
 from ..assembly.real_form import complex_columns, real_columns
-from ..linear._rows import energies
 from ..linear.dense import gram, multiply, wave_matrix
 from ..linear.lockstep import at_once
 from ..parallel.ownership import summed

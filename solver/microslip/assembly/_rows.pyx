@@ -23,14 +23,16 @@ cdef class Rows:
     cdef const double *values
     cdef readonly Py_ssize_t first, end, width
 
-    def __init__(self, A):
+    def __init__(self, A, part=None):
+        """Read the rows of A, or of a part of them at the address ``part``, as PETSc's matrix of one rank: :func:`parts`."""
         from petsc4py import PETSc
 
         library = ctypes.CDLL(PETSc.__file__)
         self.get = <of_row><size_t>ctypes.cast(library.MatGetRow, ctypes.c_void_p).value
         self.restore = <of_row><size_t>ctypes.cast(library.MatRestoreRow, ctypes.c_void_p).value
-        self.A, self.is_long = <void *><size_t>A.handle, PETSc.IntType().nbytes == 8
-        (self.first, self.end), self.width = A.getOwnershipRange(), A.getSize()[1]
+        self.A, self.is_long = <void *><size_t>(A.handle if part is None else part), PETSc.IntType().nbytes == 8
+        self.first, self.end = A.getOwnershipRange() if part is None else (0, A.getLocalSize()[0])
+        self.width = A.getSize()[1]
 
     cdef inline int open(self, Py_ssize_t row) except -1 nogil:
         self.n = 0
@@ -146,3 +148,61 @@ def energies(A, const double[:, ::1] X_rows, const double[:, ::1] X):
                 sums[c] += product * X_rows[row - of_A.first, c]
             of_A.close(row)
     return total
+
+
+ctypedef fused integer:
+    int
+    long long
+
+
+cdef inline void add_row(Py_ssize_t n, const integer *columns, const double *values, const double *X, Py_ssize_t width, double *y,
+                         Py_ssize_t stride, Py_ssize_t m) noexcept nogil:
+    """Add the products of a row of n entries with the first m columns of X, (n_columns, width), to every ``stride`` th of y."""
+    cdef Py_ssize_t k, c, i
+    cdef double[8] sums
+    cdef double value
+    cdef const double *x
+    for c in range(0, width, 8):
+        for i in range(8):
+            sums[i] = 0.0
+        for k in range(n):
+            value, x = values[k], X + columns[k] * width + c
+            for i in range(8):
+                sums[i] += value * x[i]
+        for i in range(min(8, m - c)):
+            y[(c + i) * stride] += sums[i]
+
+
+def parts(A):
+    """Return the addresses of the parts of this rank's rows, with its own and with others' columns, and these columns (k,).
+
+    Local, of PETSc's type "mpiaij"; valid until the pattern of A changes.
+    """
+    from petsc4py import PETSc
+
+    library, (own, others, columns) = ctypes.CDLL(PETSc.__file__), (ctypes.c_void_p() for _ in range(3))
+    n_rows, n_columns = ctypes.c_longlong(), ctypes.c_longlong()  # of which PETSc may write the lower bytes
+    library.MatMPIAIJGetSeqAIJ(ctypes.c_void_p(A.handle), *map(ctypes.byref, (own, others, columns)))
+    library.MatGetLocalSize(others, ctypes.byref(n_rows), ctypes.byref(n_columns))
+    numbers = np.zeros(n_columns.value, dtype=PETSc.IntType)
+    ctypes.memmove(numbers.ctypes.data, columns, numbers.nbytes)
+    return own.value, others.value, numbers
+
+
+def add_products(A, const double[:, ::1] X, double[::1, :] Y, part=None):
+    """Add A X to Y, (n, m), of a matrix on one rank, or of a part of it: :func:`parts`.
+
+    Local.  X (k, width) has a row for each column; its width, a multiple of 8, which become vector instructions, is m or more.
+    """
+    cdef Rows of_A = Rows(A, part)
+    cdef Py_ssize_t row, width = X.shape[1], n = Y.shape[0], m = Y.shape[1]
+    if X.shape[0] == 0 or n == 0 or m == 0:
+        return
+    with nogil:
+        for row in range(n):
+            of_A.open(row)
+            if of_A.is_long:
+                add_row(of_A.n, <const long long *>of_A.columns, of_A.values, &X[0, 0], width, &Y[row, 0], n, m)
+            else:
+                add_row(of_A.n, <const int *>of_A.columns, of_A.values, &X[0, 0], width, &Y[row, 0], n, m)
+            of_A.close(row)

@@ -1,17 +1,17 @@
-"""Redistribution of a solver's rows to the ranks that own them."""
+"""Redistribution of rows to the ranks that own them, and back."""
 
 import numpy as np
 from mpi4py import MPI
 
 
 class ToOwners:
-    """Sends rows of a block to their owners; the plan is made once.
+    """Sends rows of a block to their owners, or fetches them; the plan is made once.
 
     Parameters
     ----------
     comm : on which making and sending are collective
     ranges : (size + 1,) rows of the ranks
-    rows : (n_here,) global rows that lie here, each on one rank
+    rows : (n_here,) global rows that lie here; of :meth:`send` each on one rank
     """
 
     def __init__(self, comm: MPI.Comm, ranges: np.ndarray, rows: np.ndarray):
@@ -29,6 +29,15 @@ class ToOwners:
         X_owned = np.zeros((self.n_owned, X_here.shape[1]), order="F")
         X_owned[self._places] = self._exchange(np.ascontiguousarray(X_here[self._order]))
         return X_owned
+
+    def fetch(self, X_owned: np.ndarray) -> np.ndarray:
+        """Return the rows that lie here, (n_here, m), from their owners' (n_owned, m).  Collective."""
+        m = X_owned.shape[1]
+        received = np.empty((len(self._order), m))
+        self.comm.Alltoallv((np.ascontiguousarray(X_owned[self._places]), self._received * m), (received, self._sent * m))
+        X_here = np.empty_like(received)
+        X_here[self._order] = received
+        return X_here
 
     def _exchange(self, rows: np.ndarray) -> np.ndarray:
         m = rows.shape[1]
