@@ -125,10 +125,8 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
         return True  # all of the spectrum
     _before_proof(linearised)
     squares = modes.omega_n**2
-    least = best = find_gap(squares, n_modes)
-    if isinstance(linearised.factor.solver, DiameterFactor):
-        best = _common_gap(linearised.factor.solver, squares, n_modes)
-    elif n_modes < len(squares):
+    least, best = find_gap(squares, n_modes), _gap(linearised, squares, n_modes)
+    if n_modes < len(squares) and not isinstance(linearised.factor.solver, DiameterFactor):
         best = max(least, find_gap(squares, len(squares) - 1))
     for n_below, sigma in dict.fromkeys((best, least)):
         if _count_below(linearised, sigma) == n_below:
@@ -152,8 +150,11 @@ def _count_below(linearised: Linearised, sigma: float) -> int:
     return n_below // _copies(linearised)
 
 
-def _common_gap(solver: DiameterFactor, squares: np.ndarray, n_modes: int) -> tuple[int, float]:
-    """Return (n_below, sigma) as :func:`.inertia.find_gap`, of a nodal diameter with the others in lockstep.  Local."""
+def _gap(linearised: Linearised, squares: np.ndarray, n_modes: int) -> tuple[int, float]:
+    """Return (n_below, sigma) as :func:`.inertia.find_gap`; of a nodal diameter in common with the others in lockstep.  Local."""
+    solver = linearised.factor.solver
+    if not isinstance(solver, DiameterFactor):
+        return find_gap(squares, n_modes)
     return at_once(common_gaps, (squares, n_modes, solver.of_sector.shifts))
 
 
@@ -191,9 +192,7 @@ def _solve(
             return checked
         del forces  # memory: other searches are under way
         _before_proof(linearised)
-        solver = linearised.factor.solver
-        is_of_disc = isinstance(solver, DiameterFactor)
-        n_below, sigma = _common_gap(solver, 1.0 / theta, n_modes) if is_of_disc else find_gap(1.0 / theta, n_modes)
+        n_below, sigma = _gap(linearised, 1.0 / theta, n_modes)
         missing = _count_below(linearised, sigma) - n_below
         if missing == 0:
             checked[2].update(_proof(n_below, sigma))
