@@ -1,9 +1,10 @@
-"""What the compiled kernels take: a cycle of the contact law, and the products with the columns of the receptance.
+"""What the compiled kernels take: contact law, products with the columns of the receptance, with sparse matrices.
 
     python jobs/bench/kernels.py [--pairs 8 55 218] [--H 3 9] [--samples 128]
 
 Processor's microseconds of a call, the least of some runs, of one process.  The columns are those of all pairs of the joint in the
-rows of all; NumPy's product is in the next column.  To compare versions, run it in each: it needs the package alone.
+rows of all; NumPy's product is in the next column.  The sparse matrix is that of a lattice of hexahedra, beside PETSc's and
+SciPy's products.  To compare versions, run it in each: it needs the package alone.
 """
 
 import argparse
@@ -13,12 +14,19 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import time
 
 import numpy as np
+import scipy.sparse as sp
 from machine import facts
 
+from microslip.parallel.petsc import initialise
+
+initialise()  # finds PETSc
+
+from microslip.assembly.products import by_petsc, times
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.receptance.rows import Rows
 
 _RUNS, _SECONDS = 7, 0.1  # the least of so many, of so long each
+_LATTICE = (30, 30, 45)  # nodes of the sparse matrix
 
 
 def least(call):
@@ -46,6 +54,29 @@ def moving(n_pairs, H, rng):
     return ElasticCoulomb(0.3 * one, 2.0 * one, one, one, np.zeros(n_pairs, dtype=bool)), U
 
 
+def sparse(rng):
+    """Return a matrix of 3 rows for each node, coupled with those of its neighbours, in PETSc and in SciPy."""
+    from petsc4py import PETSc
+
+    A = sp.identity(1)
+    for n in _LATTICE:
+        A = sp.kron(A, sp.diags([1.0, 1.0, 1.0], [-1, 0, 1], shape=(n, n)))
+    A = sp.kron(A, np.ones((3, 3)), "csr")
+    A.sort_indices()
+    A.data = rng.standard_normal(A.nnz)
+    return PETSc.Mat().createAIJ(A.shape, csr=(A.indptr.astype(PETSc.IntType), A.indices.astype(PETSc.IntType), A.data)), A
+
+
+def print_sparse(rng):
+    """Print what products with few and many columns take."""
+    A, S = sparse(rng)
+    print(f"\nsparse matrix of {S.shape[0]} rows, {S.nnz} entries\n{'columns':>7} {'A X':>9} {'PETSc':>9} {'SciPy':>9}  us")
+    for m in (1, 8, 24, 48):
+        X, product = np.asfortranarray(rng.standard_normal((S.shape[0], m))), np.empty((S.shape[0], m), order="F")
+        calls = (lambda: times(A, X)), (lambda: by_petsc(A, X, product)), (lambda: S @ X)  # noqa: B023  called here
+        print(f"{m:7d} " + " ".join(f"{least(call):9.0f}" for call in calls), flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, nargs="+", default=[8, 55, 218])
@@ -61,12 +92,13 @@ def main():
         for H in given.H:
             law, U = moving(n_pairs, H, rng)
             x = rng.standard_normal((3 * n_pairs, 2 * H + 1))
-            times = [
+            us = [
                 least(lambda: law.cycle(U, given.samples, tangents=False)),  # noqa: B023  called here
                 least(lambda: law.cycle(U, given.samples)),  # noqa: B023
                 *(least(lambda: product(x)) for product in (rows.combined, single.combined, rows.times, A.__matmul__)),  # noqa: B023
             ]
-            print(f"{n_pairs:6d} {H:3d} " + " ".join(f"{t:9.0f}" for t in times[:-1]) + f" {times[-1]:10.0f}", flush=True)
+            print(f"{n_pairs:6d} {H:3d} " + " ".join(f"{t:9.0f}" for t in us[:-1]) + f" {us[-1]:10.0f}", flush=True)
+    print_sparse(rng)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""Products of a sparse matrix with many columns, from rows of X that lie together: three times as fast as PETSc's."""
+"""Products of a sparse matrix with many columns: the entries are read once, and the rows of X that they multiply lie together.
+
+`python jobs/bench/kernels.py` compares them with PETSc's.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ def times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     m = X_owned.shape[1]
     product: np.ndarray = np.zeros((A.getLocalSize()[0], m), order="F")
     if m < _TOGETHER or A.getType() not in ("seqaij", "mpiaij"):
-        _by_petsc(A, np.asfortranarray(X_owned, dtype=float), product)
+        by_petsc(A, np.asfortranarray(X_owned, dtype=float), product)
         return product
     for first in range(0, m, _MOST):
         columns = X_owned[:, first : first + _MOST]
@@ -36,7 +39,7 @@ def times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     return product
 
 
-def _by_petsc(A: PETSc.Mat, X_owned: np.ndarray, product: np.ndarray) -> None:
+def by_petsc(A: PETSc.Mat, X_owned: np.ndarray, product: np.ndarray) -> None:
     """Write A X into ``product``, both column-major.  Collective."""
     n_owned, m = X_owned.shape
     X = PETSc.Mat().createDense(((n_owned, None), (None, m)), array=X_owned, comm=A.comm)
