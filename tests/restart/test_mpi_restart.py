@@ -381,7 +381,7 @@ def test_peaks_and_bifurcations_of_finished_levels_are_read(shared_path, monkeyp
     """Stopped at the second level: what the first one was solved for is read, not solved for again."""
     mass = scenes.jenkins_mass() | {"C": np.array([[0.02]])}
     of_mass = partial(
-        write_matrix_scene, shared_path, mass, [0.4, 0.5], (0.5, 2.0), points=12, harmonics=1, samples=64, error_bars=False
+        write_matrix_scene, shared_path, mass, [0.4, 0.5], (0.5, 2.0), points=6, harmonics=1, samples=32, error_bars=False
     )
     scene = read_scene(on_root(COMM, of_mass), ("response.peaks=true", "response.stability=true"))
     fold = Bifurcation("fold", 1.2, np.array([0.3]), 1.0 + 0.1j, 1e-9, 5)
