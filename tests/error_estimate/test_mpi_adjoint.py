@@ -18,6 +18,7 @@ from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.operating_point import LawParameter, OperatingPoint
+from microslip.harmonic.parameter_rates import law_rate
 from microslip.receptance.truncated_modes import EnrichedModel
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -52,7 +53,7 @@ def test_it_gives_the_derivative_of_the_outputs_by_the_law(name):
     estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
     adjoint = estimator.at(equation, U, at, equation.every_pair).adjoint
     forces = adjoint.linear.forces
-    d_p = equation.full_force(replace(forces, p=equation.law_rate(forces, vary)))
+    d_p = equation.full_force(replace(forces, p=law_rate(equation, forces, vary)))
     rate = equation.agreed_sum(-adjoint.chi @ d_p[equation.model.owned_rows].ravel())
     estimator.destroy()
     slope = (outputs(1.0 + 1e-5) - outputs(1.0 - 1e-5)) / 2e-5

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
+from ..harmonic.parameter_rates import rate_of_linear_motion
 from .constraint_rows import Constraint, EnclosedRow
 from .iterate import Iterate
 from .linear_levels import sticks
@@ -186,7 +187,7 @@ class LinearResponse:
     def rate(self, parameters: tuple[float, ...]) -> np.ndarray:
         """Return the rate of the linear response with the swept parameter, (n_owned, 3, N_H).  Local."""
         at = self.problem.at(parameters)
-        return self.problem.equation.under(at).linear_motion_rate(at, self.problem.rates(parameters)[0])
+        return rate_of_linear_motion(self.problem.equation.under(at), at, self.problem.rates(parameters)[0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
+from ..harmonic.parameter_rates import contact_force_rates, unit_springs
 from ..points.sensitivities import NUMBERS
 from ..receptance.damping import Damping
 from ..receptance.motions import linear_motion, modal_motion
@@ -64,11 +65,11 @@ def sensitivities_of(
     n, shape = len(chi), (len(chi), *equation.shape)
     of_modes = [ModalAdjoint.of(*of, at, tau.reshape(shape), equation) for of in _groups(model, at, p)]
     of_pairs = np.zeros((equation.n_owned, n, len(NUMBERS)))
-    for i, (name, rate) in enumerate(zip(NUMBERS, equation.contact_force_rates(linear.forces, NUMBERS))):
+    for i, (name, rate) in enumerate(zip(NUMBERS, contact_force_rates(equation, linear.forces, NUMBERS))):
         if rate is not None:
             of_pairs[:, :, i] = -np.einsum("qidh,idh->iq", chi.reshape(shape), rate)
         if rate is not None and name in ("k_t", "k_n") and model.stated_damping is not None:
-            unit = equation.unit_springs(name)
+            unit = unit_springs(equation, name)
             of_pairs[:, :, i] += sum(modes.by_springs(model, unit) for modes in of_modes)
     common = np.array([_by_level(model, at), sum(modes.by_damping(model) for modes in of_modes), _by_omega(model, at, p)])
     rates = [-linear_motion(model, 1.0, at.omega), np.zeros((3 * equation.n_owned, model.N_H)), linear.rate({"omega": 1.0})]

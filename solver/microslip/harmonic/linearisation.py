@@ -16,6 +16,7 @@ from mpi4py import MPI
 from ..receptance.columns import ReceptanceColumns
 from .balance import HarmonicBalance
 from .operating_point import ContactForces, OperatingPoint, Rates, law_rates, stiffness_rates
+from .parameter_rates import law_rate, moved_by_springs, rate_of_linear_motion, structure_rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,12 +126,12 @@ class Linearisation:
         Local; collective of a whole disc, and where parameters of the law change: one gather per parameter, three for a
         stiffness.
         """
-        dG_p = self.G.apply_rate(self.forces.p, *self.equation.of_structure(rates))
-        rate = dG_p - self.equation.linear_motion_rate(self.at, rates)
+        dG_p = self.G.apply_rate(self.forces.p, *structure_rates(self.equation, rates))
+        rate = dG_p - rate_of_linear_motion(self.equation, self.at, rates)
         for parameter, of_value in law_rates(rates):
-            rate = rate + of_value * self.G.apply(self.equation.law_rate(self.forces, parameter))
+            rate = rate + of_value * self.G.apply(law_rate(self.equation, self.forces, parameter))
         for parameter, of_value in stiffness_rates(rates):
-            rate = rate - of_value * self.equation.moved_by_springs(self.at, parameter, self.G.apply(self.forces.p))
+            rate = rate - of_value * moved_by_springs(self.equation, self.at, parameter, self.G.apply(self.forces.p))
         return rate
 
     def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:
