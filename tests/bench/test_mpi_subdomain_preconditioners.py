@@ -130,6 +130,7 @@ def test_sectors_are_solved_for_in_a_sweep_over_the_harmonics(problem, monkeypat
     """The sweep (17.8) within four sectors, whole or bisected; one has half of its pairs, another none that is active."""
     monkeypatch.setattr(preconditioner, "SINGLE_ERROR", 0.0)  # in double precision
     monkeypatch.setattr(subdomain_preconditioners, "LARGEST_SECTOR", largest)
+    monkeypatch.setattr(subdomain_preconditioners, "LEAST", 0.0)  # every mode
     n, N_H = N_PAIRS // 5, 2 * H + 1
     at = linearised(problem)
     active = np.setdiff1d(np.arange(N_PAIRS), [*range(n, 2 * n), *range(2 * n, 3 * n, 2)])
@@ -173,6 +174,7 @@ def test_the_curve_is_the_same_with_it(problem, monkeypatch, n_sectors, kind):
     monkeypatch.setattr(newton_solver, "LARGE", 10)
     monkeypatch.setattr(newton_solver, "LARGEST", 0)
     monkeypatch.setattr(newton_solver, "MANY_IN_LARGE", 0)
+    monkeypatch.setattr(newton_solver, "MANY_IN_SECTORS", 0)
     monkeypatch.setattr(subdomain_preconditioners, "LOCAL", 12)
     monkeypatch.setattr(newton_solver, "of_wide_slip", lambda at: made.append(of_wide_slip(at)) or made[-1])
     problem = replace(problem, equation=problem.equation.of(replace(problem.equation.model, n_sectors=n_sectors)))

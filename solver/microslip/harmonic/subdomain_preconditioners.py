@@ -27,6 +27,7 @@ from .preconditioner import REGULAR, HarmonicPreconditioner, Inverse, PairsPreco
 LOCAL = 64  # largest number of pairs of a subdomain
 REGIONS = 32  # approximate number of regions of the coarse space
 LARGEST_SECTOR = 110  # active pairs of a sector of a disc that are solved for exactly
+LEAST = 1e-4  # of the static motion: modes of a disc that add less to a block are omitted
 LARGE = 500  # active pairs beyond which the factors of the whole B_n cost more than they save
 
 
@@ -74,6 +75,7 @@ class SectorsPreconditioner(PairsPreconditioner):
             bisected(at.G, of_sectors, LARGEST_SECTOR),
             self.local_rows,
             lambda G, pairs: _responses(G, P[pairs], harmonics, self.unit),
+            LEAST,
         )
         self.pairs = np.concatenate([np.zeros(0, dtype=int), *(rows[::3] // 3 for rows in self.subdomains)])
         mine = np.arange(self.local_rows.start, self.local_rows.stop, 3) // 3
@@ -144,7 +146,8 @@ def _response(G: np.ndarray, P: np.ndarray, unit: float) -> np.ndarray:
 
 def _times_blocks(G: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Return G P of a block-diagonal P, (m, a, a).  Local."""
-    product: np.ndarray = np.einsum("rmi,mij->rmj", G.reshape(len(G), *P.shape[:2]), P).reshape(G.shape)
+    columns = G.reshape(len(G), *P.shape[:2]).swapaxes(0, 1)
+    product: np.ndarray = np.matmul(columns, P).swapaxes(0, 1).reshape(G.shape)
     return product
 
 
@@ -202,6 +205,7 @@ def _of_rank(
     subdomains: list[np.ndarray],
     local_rows: slice,
     of_blocks: Callable[[Iterator[np.ndarray], np.ndarray], list[Any]],
+    least: float = 0.0,
 ) -> tuple[list[np.ndarray], list[list[Any]]]:
     """Return the rows of the subdomains with pairs of this rank, and what is made of their blocks of G_n and their pairs.
 
@@ -209,7 +213,7 @@ def _of_rank(
     """
     of_rank, made = [], []
     for pairs in subdomains:
-        blocks, rows = at.G.blocks(pairs), rows_of(pairs)
+        blocks, rows = at.G.blocks(pairs, least), rows_of(pairs)
         if ((rows >= local_rows.start) & (rows < local_rows.stop)).any():
             of_rank.append(rows)
             made.append(of_blocks(blocks, pairs))

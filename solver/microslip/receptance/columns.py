@@ -70,9 +70,22 @@ class GroupColumns:
         """Return G_static between ``rows`` of this rank and the rows ``part`` of the active pairs, (k, l)."""
         return self.G_static.part(part).columns(rows).T
 
-    def dynamic_block(self, i: int, part: np.ndarray) -> np.ndarray:
-        """Return the dynamic part of G_n for the i-th harmonic between the rows ``part`` of the active pairs."""
-        return self.c.between(self.R_active[part], i, self.R_active[part])
+    def dynamic_block(self, i: int, part: np.ndarray, least: float = 0.0) -> np.ndarray:
+        """Return the dynamic part of G_n for the i-th harmonic between the rows ``part`` of the active pairs.
+
+        Without modes that move pairs by less than ``least`` of the largest static motion.
+        """
+        R, c = self.R_active[part], self.c
+        if least > 0.0 and not c.couples_modes:
+            moves = np.abs(c.c[:, i]) * self._most > least * self.largest
+            R, c = R[:, moves], Flexibility(c.c[moves])
+        return c.between(R, i, R)
+
+    @cached_property
+    def _most(self) -> np.ndarray:
+        """The largest square of each mode at a pair, (m,) [1/kg]."""
+        most: np.ndarray = np.abs(self.group.receptance.modes.R_phi).max(axis=0, initial=0.0) ** 2
+        return most
 
 
 class SectorColumns(GroupColumns):
@@ -195,11 +208,11 @@ class ReceptanceColumns:
 
     # -- the block between the active pairs ------------------------------------------------------------------------
 
-    def blocks(self, chosen: np.ndarray | None = None) -> Iterator[np.ndarray]:
+    def blocks(self, chosen: np.ndarray | None = None, least: float = 0.0) -> Iterator[np.ndarray]:
         """Return G_n between the active pairs for each harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
 
         Collective: one gather for each group, before the first block.  With ``chosen``, ascending numbers (m,) among the active
-        pairs, only between these pairs: (3 m, 3 m).
+        pairs, only between these pairs: (3 m, 3 m); ``least`` is that of :meth:`GroupColumns.dynamic_block`.
         """
         part, rows = np.arange(3 * len(self.active)), self.rows
         if chosen is not None:
@@ -208,7 +221,7 @@ class ReceptanceColumns:
         if self.model.comm.size > 1:
             static = [np.concatenate(self.model.comm.allgather(rows)) for rows in static]  # rank order is row order
         at = (self.model.index_of(n) for n in self.model.harmonics.chosen)
-        return (static[k] + self.groups[k].dynamic_block(i, part) for k, i in at)
+        return (static[k] + self.groups[k].dynamic_block(i, part, least) for k, i in at)
 
     def moved_by(self, chosen: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return G_n p_n on this rank's active pairs, complex (n_harmonics, 3 n_active_owned, k) [m].  Local.
