@@ -18,6 +18,8 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,6 +35,7 @@ from oracles import scenes
 from scipy.linalg import eigh
 from verification.random_structures import _between, _dofs, _loads, _stiffness, stuck_forces
 
+from microslip.continuation.levels import ResponseProblem
 from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
@@ -73,19 +76,25 @@ def draw(seed: int, number: int, is_small: bool = False) -> tuple[dict, list[int
     return {**system, "N0": N0 / unit, "omega": (low, high), "levels": levels}, outputs
 
 
-def curves(seed: int, number: int, points: list[int], reference: int | None, is_small: bool = False) -> list[list]:
-    """Return the branches of a system at each of some numbers of points, with peaks, and those of the reference, if any, without."""
+@contextmanager
+def response_of(seed: int, number: int, is_small: bool = False, samples: int = 128) -> Iterator[ResponseProblem]:
+    """Build a system with 3 harmonics, and yield its response."""
     system, outputs = draw(seed, number, is_small)
     with tempfile.TemporaryDirectory() as folder:
         levels = list(system["levels"].values())
         path = write_matrix_scene(
-            Path(folder), system, levels, system["omega"], outputs=outputs, points=60, harmonics=3, samples=128
+            Path(folder), system, levels, system["omega"], outputs=outputs, points=60, harmonics=3, samples=samples
         )
         with build(read_scene(path), MPI.COMM_SELF) as structure:
-            response = prepare(structure, has_bars=False).response
-            settings = [replace(response.settings, points=n, peaks=True) for n in points]
-            settings += [] if reference is None else [replace(response.settings, points=reference)]
-            return [follow(replace(response, settings=each)) for each in settings]
+            yield prepare(structure, has_bars=False).response
+
+
+def curves(seed: int, number: int, points: list[int], reference: int | None, is_small: bool = False) -> list[list]:
+    """Return the branches of a system at each of some numbers of points, with peaks, and those of the reference, if any, without."""
+    with response_of(seed, number, is_small) as response:
+        settings = [replace(response.settings, points=n, peaks=True) for n in points]
+        settings += [] if reference is None else [replace(response.settings, points=reference)]
+        return [follow(replace(response, settings=each)) for each in settings]
 
 
 def sampled(branch) -> tuple[np.ndarray, np.ndarray]:
@@ -93,21 +102,21 @@ def sampled(branch) -> tuple[np.ndarray, np.ndarray]:
     return np.array([p.omega for p in branch.points]), np.array([np.hypot(*p.response[:, 1:3].T) for p in branch.points])
 
 
-def peaks(omega: np.ndarray, amplitude: np.ndarray) -> list[tuple[float, float, float]]:
-    """Return height and half-power range of the peaks of a curve, which falls that far on one side of them at least."""
+def peaks(omega: np.ndarray, amplitude: np.ndarray) -> list[tuple[int, float, float]]:
+    """Return point and half-power range of the peaks of a curve, which falls that far on one side of them at least."""
     inner, values = amplitude[1:-1], []
     for i in 1 + np.flatnonzero((inner > amplitude[:-2]) & (inner >= amplitude[2:]) & (inner > FAINT * amplitude.max())):
         below = np.flatnonzero(amplitude < HALF_POWER * amplitude[i])
         if len(below):
             low, high = below[below < i].max(initial=0), below[below > i].min(initial=len(omega) - 1)
-            values.append((float(amplitude[i]), omega[low : high + 1].min(), omega[low : high + 1].max()))
+            values.append((int(i), omega[low : high + 1].min(), omega[low : high + 1].max()))
     return values
 
 
 def peaks_of_outputs(branch) -> list[list[tuple[float, float, float]]]:
     """Return the peaks of the curve of each output of a branch."""
     omega, amplitude = sampled(branch)
-    return [peaks(omega, curve) for curve in amplitude.T]
+    return [[(float(curve[i]), low, high) for i, low, high in peaks(omega, curve)] for curve in amplitude.T]
 
 
 def missing(branch, reference: list[list[tuple[float, float, float]]]) -> np.ndarray:
