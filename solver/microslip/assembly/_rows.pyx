@@ -182,8 +182,9 @@ def parts(A):
 
     library, (own, others, columns) = ctypes.CDLL(PETSc.__file__), (ctypes.c_void_p() for _ in range(3))
     n_rows, n_columns = ctypes.c_longlong(), ctypes.c_longlong()  # of which PETSc may write the lower bytes
-    library.MatMPIAIJGetSeqAIJ(ctypes.c_void_p(A.handle), *map(ctypes.byref, (own, others, columns)))
-    library.MatGetLocalSize(others, ctypes.byref(n_rows), ctypes.byref(n_columns))
+    failed = library.MatMPIAIJGetSeqAIJ(ctypes.c_void_p(A.handle), *map(ctypes.byref, (own, others, columns)))
+    if failed or library.MatGetLocalSize(others, ctypes.byref(n_rows), ctypes.byref(n_columns)):
+        raise RuntimeError("PETSc gives no parts of a matrix")
     numbers = np.zeros(n_columns.value, dtype=PETSc.IntType)
     ctypes.memmove(numbers.ctypes.data, columns, numbers.nbytes)
     return own.value, others.value, numbers

@@ -21,6 +21,8 @@ _NAME = "columns of other ranks"  # of the attribute of a matrix
 def times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     """Return this rank's rows of A X, real (n_owned, m), column-major.  Collective."""
     m = X_owned.shape[1]
+    if len(X_owned) != A.getLocalSize()[1]:
+        raise ValueError(f"{len(X_owned)} rows for the {A.getLocalSize()[1]} columns of a matrix on this rank")
     product: np.ndarray = np.zeros((A.getLocalSize()[0], m), order="F")
     if m < _TOGETHER or A.getType() not in ("seqaij", "mpiaij"):
         by_petsc(A, np.asfortranarray(X_owned, dtype=float), product)

@@ -24,8 +24,7 @@ SINGLE = 1e-5  # smallest relative tolerance of GMRES with products in single pr
 SMALL = 2000  # rows of the active pairs up to which double precision costs no more
 MANY_KRYLOV = 50  # GMRES iterations per Newton step beyond which the preconditioner of wide slip is built or rebuilt
 MANY_IN_STIFF = 10  # the same with weighted rows
-MANY_IN_LARGE = 25  # the same in a large joint, whose preconditioner costs little in relation
-MANY_IN_SECTORS = 15  # the same in a disc of several sectors, where a new preconditioner leaves about 12
+MANY_IN_LARGE = 25  # the same in a large joint and in a disc of several sectors, whose preconditioner costs little in relation
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,18 +71,10 @@ class NewtonSolver:
 
     def weigh(self, newton: int, krylov: int, weight: float) -> None:
         """Request a (new) preconditioner if GMRES needed many iterations per Newton step, for rows of this weight.  Local."""
-        many = MANY_IN_STIFF if weight != 1.0 else self._many
+        is_large = self._active is not None and (len(self._active) > LARGE or self._at.equation.model.n_sectors > 1)
+        many = MANY_IN_STIFF if weight != 1.0 else MANY_IN_LARGE if is_large else MANY_KRYLOV
         if newton > 0 and krylov > many * newton:
             self.request_preconditioner()
-
-    @property
-    def _many(self) -> int:
-        """GMRES iterations per Newton step beyond which a preconditioner is requested."""
-        if self._active is None:
-            return MANY_KRYLOV
-        if self._at.equation.model.n_sectors > 1:
-            return MANY_IN_SECTORS
-        return MANY_IN_LARGE if len(self._active) > LARGE else MANY_KRYLOV
 
     def solve(
         self,

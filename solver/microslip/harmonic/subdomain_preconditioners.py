@@ -49,13 +49,13 @@ class _Sweep:
 
     def solve(self, x: np.ndarray) -> None:
         """Replace the right-hand side b_n in x (m, 3, N_H) by x_n; later harmonics of x are 0."""
-        p = np.matmul(self.P, x.reshape(len(x), -1, 1)).ravel().view(self.kind)  # cos + i sin of complex amplitudes
+        p = np.matmul(self.P, x.reshape(-1, self.P.shape[2], 1)).ravel().view(self.kind)  # cos + i sin of complex amplitudes
         moved, first = np.empty_like(p), 0
         for K in self.K:
             there = slice(first, first + len(K))
             np.matmul(K, p[there], out=moved[there])
             first = there.stop
-        x[..., self.columns] -= moved.view(x.dtype).reshape(len(x), 3, -1)
+        x[..., self.columns] -= moved.view(x.dtype).reshape(-1, 3, self.P.shape[1] // 3)
 
 
 class SectorsPreconditioner(PairsPreconditioner):
@@ -88,11 +88,13 @@ class SectorsPreconditioner(PairsPreconditioner):
 
     def _part(self, n: int, P: np.ndarray, K: list[np.ndarray]) -> _Sweep:
         """Return the part of harmonic n from the tangents of the pairs (m, 3 N_H, 3 N_H) [N/m] and K_n of each subdomain."""
-        harmonics = self.made_at.equation.harmonics
-        kind = self.kind if _is_whole(harmonics, n) else np.result_type(self.kind, np.complex64)
-        rows = P.reshape(len(P), 3, -1, P.shape[2])[:, :, harmonics.columns(n)].reshape(len(P), -1, P.shape[2])
+        harmonics, n_columns = self.made_at.equation.harmonics, P.shape[2]
+        columns, kind = harmonics.columns(n), self.kind if _is_whole(harmonics, n) else np.result_type(self.kind, np.complex64)
+        rows = P.reshape(-1, 3, n_columns // 3, n_columns)[:, :, columns].reshape(
+            -1, 3 * (columns.stop - columns.start), n_columns
+        )
         P_n = np.ascontiguousarray(rows / self.unit, dtype=self.kind)
-        return _Sweep(harmonics.columns(n), P_n, [each.astype(kind, copy=False) for each in K], kind)
+        return _Sweep(columns, P_n, [each.astype(kind, copy=False) for each in K], kind)
 
     def apply(self, b: np.ndarray) -> np.ndarray:
         """Return the approximate solution of (1 + G P) x = b within the sectors, (m, 3, N_H).  Collective: one gather."""
@@ -211,13 +213,12 @@ def _of_rank(
 
     Collective: one gather for each of all ``subdomains`` (k,) of active pairs; ``local_rows`` are the rows of this rank's.
     """
-    of_rank, made = [], []
-    for pairs in subdomains:
+    of_rank = []
+    for pairs in subdomains:  # the gathers first: no rank waits for the work of another one
         blocks, rows = at.G.blocks(pairs, least), rows_of(pairs)
         if ((rows >= local_rows.start) & (rows < local_rows.stop)).any():
-            of_rank.append(rows)
-            made.append(of_blocks(blocks, pairs))
-    return of_rank, made
+            of_rank.append((rows, pairs, blocks))
+    return [rows for rows, _, _ in of_rank], [of_blocks(blocks, pairs) for _, pairs, blocks in of_rank]
 
 
 def _inverses(blocks: Iterator[np.ndarray], P: np.ndarray) -> list[Inverse]:

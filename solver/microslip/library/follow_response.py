@@ -59,7 +59,7 @@ def _in_words(levels: np.ndarray, highest: float) -> str:
     of_half = f", half of all from {half:.3g} N" if np.isfinite(half) and half > _AT_ONCE * highest else ""
     if n_at_once:
         at_next = f"; the next slips from about {later[0]:.3g} N on{of_half}" if len(later) and np.isfinite(later[0]) else ""
-        return f"by the linear peak, {n_at_once} of {counted(len(levels), 'pair')} slip or are open at any level{at_next}"
+        return f"by the linear peak, pairs that slip or are open at any level: {n_at_once} of {len(levels)}{at_next}"
     if not np.isfinite(levels[0]):
         return "by the linear peak, no pair slips at any level"
     summary = f"by the linear peak, pairs slip from about {levels[0]:.3g} N on{of_half}"

@@ -100,7 +100,8 @@ def fixed_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: I
     free = [name for name, nodes in mesh.node_groups.items() if name not in others and len(nodes) >= 3]
     free.sort(key=lambda name: name.startswith("_"))  # internal sets of programs come last
     sure = [name for name in free if any(word in name.lower() for word in _HELD)]
-    bodies = [np.unique(np.concatenate([b.nodes.ravel() for b in mesh.elements if b.group == name])) for name in settings.body_of]
+    of_bodies = [[block.nodes.ravel() for block in mesh.elements if block.group == name] for name in settings.body_of]
+    bodies = [np.unique(np.concatenate(nodes)) for nodes in of_bodies if nodes]
     sides = [mesh.node_groups[name] for name in surfaces if name in mesh.node_groups]
 
     def may_hold(name: str) -> bool:
