@@ -17,7 +17,7 @@ from microslip.linear.joint_springs import Linearised, linearise
 from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.modes import eigen, inertia
 from microslip.modes.eigen import lowest_modes
-from microslip.modes.inertia import common_gaps, count_below, find_gap
+from microslip.modes.inertia import count_below, find_gap
 from microslip.modes.rayleigh import sharpened
 from microslip.modes.shift_invert import ModeSearch
 
@@ -165,15 +165,6 @@ def test_gap_that_proves_the_wanted_modes():
     for cluster, n_below in (([1.0, 2.0, 2.0], 1), ([1.0, 2.0], 1), ([2.0, 2.0], 0)):
         computed, sigma = find_gap(np.array(cluster), 2)
         assert computed == n_below and 1.99999 < sigma < 2.0
-
-
-def test_few_shifts_for_several_spectra():
-    """The gaps of most spectra first, the highest of them; shifts that are known before new ones; a cluster has its own."""
-    low, middle, high, cluster = (np.array(each) for each in ([1.0, 2.0, 4.0], [1.5, 3.0, 5.0], [6.0, 7.0, 8.0], [2.0, 2.0]))
-    gaps = common_gaps([(low, 1, ()), (high, 1, ()), (middle, 1, ()), (cluster, 2, ())])
-    assert gaps[0] == (2, 3.5) and gaps[2] == (2, 3.5) and gaps[1] == (2, 7.5) and gaps[3][0] == 0
-    assert common_gaps([(low, 1, ()), (middle, 1, (1.75,))]) == [(1, 1.75), (1, 1.75)]
-    assert common_gaps([(low, 1, ())]) == [(2, 3.0)]
 
 
 @pytest.mark.slow

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
-from ..linear.lockstep import after_others, at_once
+from ..linear.lockstep import after_others
 from ..linear.sector_factor import DiameterFactor
 from ..messages.errors import CaseError, ConvergenceError
 from ..messages.words import counted
 from .hermitian import complex_modes
-from .inertia import common_gaps, count_below, find_gap
+from .inertia import count_below, find_gap
 from .lapack import dense_modes
 from .limits import SHARE
 from .rayleigh import Forces, iterated_once, orthonormalised, sharpened
@@ -119,16 +119,15 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
     """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: up to two factorisations.
 
     If possible, all computed modes except the last are proved at once, as another run may need more of them.  Of a nodal
-    diameter this waits for all others in lockstep, and proves as many diameters as possible with each factorisation.
+    diameter this waits for all others in lockstep, and a shift of another diameter is preferred.
     """
     if modes.info.get("complete", True):
         return True  # all of the spectrum
     _before_proof(linearised)
     squares = modes.omega_n**2
-    least, best = find_gap(squares, n_modes), _gap(linearised, squares, n_modes)
-    if n_modes < len(squares) and not isinstance(linearised.factor.solver, DiameterFactor):
-        best = max(least, find_gap(squares, len(squares) - 1))
-    for n_below, sigma in dict.fromkeys((best, least)):
+    least, shared = find_gap(squares, n_modes), find_gap(squares, n_modes, _shifts(linearised))
+    most = max(least, find_gap(squares, len(squares) - 1)) if n_modes < len(squares) else least
+    for n_below, sigma in dict.fromkeys((most if shared == least else shared, least)):
         if _count_below(linearised, sigma) == n_below:
             modes.info.update(_proof(n_below, sigma))
             return True
@@ -150,12 +149,10 @@ def _count_below(linearised: Linearised, sigma: float) -> int:
     return n_below // _copies(linearised)
 
 
-def _gap(linearised: Linearised, squares: np.ndarray, n_modes: int) -> tuple[int, float]:
-    """Return (n_below, sigma) as :func:`.inertia.find_gap`; of a nodal diameter in common with the others in lockstep.  Local."""
+def _shifts(linearised: Linearised) -> tuple[float, ...]:
+    """Return the shifts at which a count needs no factorisation.  Local."""
     solver = linearised.factor.solver
-    if not isinstance(solver, DiameterFactor):
-        return find_gap(squares, n_modes)
-    return at_once(common_gaps, (squares, n_modes, solver.of_sector.shifts))
+    return solver.of_sector.shifts if isinstance(solver, DiameterFactor) else ()
 
 
 def _proof(n_below: int, sigma: float) -> dict[str, Any]:
@@ -192,7 +189,7 @@ def _solve(
             return checked
         del forces  # memory: other searches are under way
         _before_proof(linearised)
-        n_below, sigma = _gap(linearised, 1.0 / theta, n_modes)
+        n_below, sigma = find_gap(1.0 / theta, n_modes, _shifts(linearised))
         missing = _count_below(linearised, sigma) - n_below
         if missing == 0:
             checked[2].update(_proof(n_below, sigma))

@@ -23,8 +23,9 @@ def find_gap(eigenvalues: np.ndarray, n_wanted: int, shifts: Sequence[float] = (
     [rad2/s2].  A value of ``shifts`` is preferred if it lies in a gap above the wanted modes.
     """
     for sigma in shifts:
-        if _proves(eigenvalues, n_wanted, sigma):
-            return int(np.searchsorted(eigenvalues, sigma)), sigma
+        n_below = int(np.searchsorted(eigenvalues, sigma))
+        if n_wanted <= n_below < len(eigenvalues) and np.abs(eigenvalues - sigma).min() > _GAP * sigma:
+            return n_below, sigma
     is_gap = np.append(np.diff(eigenvalues) > _GAP * eigenvalues[1:], False)
     above = np.flatnonzero(is_gap[n_wanted - 1 :])
     if len(above):
@@ -33,30 +34,6 @@ def find_gap(eigenvalues: np.ndarray, n_wanted: int, shifts: Sequence[float] = (
     below = np.flatnonzero(is_gap)
     first = int(below[-1]) + 1 if len(below) else 0
     return first, float((1.0 - 0.5 * _GAP) * eigenvalues[first])
-
-
-def common_gaps(spectra: Sequence[tuple[np.ndarray, int, Sequence[float]]]) -> list[tuple[int, float]]:
-    """Return (n_below, sigma) as :func:`find_gap` does for several spectra, with as few different sigma as can be seen.  Local.
-
-    Of each spectrum: its eigenvalues, n_wanted, and shifts at which a count needs no factorisation.  The next shift is the one
-    that lies in a gap of most of the spectra that have none yet, the highest if there are several.
-    """
-    shifts = list(dict.fromkeys(shift for *_, known in spectra for shift in known))
-    edges = np.unique(np.concatenate([eigenvalues[n_wanted - 1 :] for eigenvalues, n_wanted, _ in spectra]))
-    candidates = 0.5 * (edges[1:] + edges[:-1])[::-1]
-    lies_in_gap = np.array([[_proves(each, n, sigma) for sigma in candidates] for each, n, _ in spectra])
-    left = np.array([not any(_proves(each, n, sigma) for sigma in shifts) for each, n, _ in spectra])
-    while (lies_in_gap[left]).any():
-        best = int(np.argmax(lies_in_gap[left].sum(axis=0)))
-        shifts.append(float(candidates[best]))
-        left &= ~lies_in_gap[:, best]
-    return [find_gap(eigenvalues, n_wanted, shifts) for eigenvalues, n_wanted, _ in spectra]
-
-
-def _proves(eigenvalues: np.ndarray, n_wanted: int, sigma: float) -> bool:
-    """Return whether sigma lies in a gap above the wanted modes.  Local."""
-    n_below = np.searchsorted(eigenvalues, sigma)
-    return bool(n_wanted <= n_below < len(eigenvalues) and np.abs(eigenvalues - sigma).min() > _GAP * sigma)
 
 
 def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: Order | None = None) -> int:
