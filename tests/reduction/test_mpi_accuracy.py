@@ -150,7 +150,8 @@ def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path)
 def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
     monkeypatch.setattr(choose_modes, "_MOST", 32)
     with pytest.raises(
-        CaseError, match=r"scene.toml: \[solver\] accuracy = 1e-06: 31 modes reach about .*, state that accuracy, or modes"
+        CaseError,
+        match=r"scene.toml: \[solver\] accuracy = 1e-06: 31 modes reach about .*, and the program chooses no more; state",
     ):
         structure_of(written(shared_path, chain(450), accuracy=1e-6))
     monkeypatch.setattr("microslip.library.settings.ACCURACY_OF_MODES", 1e-6)
