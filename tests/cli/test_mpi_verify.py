@@ -140,7 +140,7 @@ def test_small_disturbances_grow_as_the_multipliers_say(program, shared_path):
     """A mass before a stop between its two folds: two stable states and one that is not, the middle one."""
     mass = {"system": scenes.gap_mass, "levels": (0.2,), "frequencies": (1.05, 1.4), "points": 12, "harmonics": 9, "samples": 256}
     status, out, _ = program("--disturbed", "--at", f"{1.25 / (2.0 * np.pi)!r}", "--steps", "256", **mass)
-    assert status == 0 and "as the Floquet multipliers say at 3 of 3 points" in out
+    assert status == 0 and "agree with the Floquet multipliers at 3 of 3 points" in out
     table = rows(shared_path)
     multipliers, factors = ([float(row[name]) for row in table] for name in ("largest_multiplier", "growth"))
     assert sorted(factor > 1.0 for factor in factors) == [False, False, True]
