@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_combined import elastic, motions
 
-from microslip.contact.law import SLIP, STICK
+from microslip.contact.law import SLIP, STICK, Law
 from microslip.contact.laws import columns_of_joint, joined, law_of
 from microslip.contact.started import StartedLaw, started_at
 from microslip.fourier.coefficients import analyse, shifted, synthesise
@@ -17,6 +17,15 @@ FULL = Harmonics.full(N_H)
 def settling(n, seed=3):
     """Return a law of friction circles, on which residual forces depend on the start, and motions under which some rest."""
     return elastic(n, 2, separate=np.zeros(n, dtype=bool)), 0.6 * motions(n, 0.3, seed=seed)
+
+
+def test_only_members_without_a_phase_are_those_of_the_law():
+    """A new member of Law is defined here, or is one that the phase of the start does not change."""
+    of_law = {name for name in vars(Law) if not name.startswith("_")}
+    assert of_law - set(vars(StartedLaw)) == {
+        *("n_pairs", "stiffness", "springs", "order", "elements_order", "parameters", "n_memory", "sliders"),
+        *("step", "memoryless_rate", "slip_safety", "utilisation", "slipping_share", "keeps_half_wave_symmetry"),
+    }
 
 
 @pytest.mark.parametrize("k", [1, 17, 63])
