@@ -11,6 +11,9 @@ axis, in which two flanks that slide on their upper edges hardly hold the blade.
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import re
 import shutil
@@ -29,7 +32,6 @@ initialise()
 
 from mpi4py import MPI
 
-import microslip
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces
 from microslip.linear.joint_springs import linearise

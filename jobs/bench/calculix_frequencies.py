@@ -17,6 +17,9 @@ expands along axes 1, 2 and 3 by -1e-6, 3e-5 and 2e-5 1/K, which stresses it the
 
 from __future__ import annotations
 
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import shutil
 import subprocess

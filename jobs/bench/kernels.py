@@ -10,7 +10,9 @@ SciPy's products.  To compare versions, run it in each: it needs the package alo
 import argparse
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import time
 
 import numpy as np

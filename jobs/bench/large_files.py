@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import contextlib
 import json
@@ -38,7 +40,6 @@ def measure(path: Path) -> None:
     initialise()
     from mpi4py import MPI
 
-    import microslip
     from microslip.assembly.check import check_elements
     from microslip.library.complete import read_completed
     from microslip.mesh.pairing import pair_contacts

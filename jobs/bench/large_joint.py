@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import json
 from dataclasses import dataclass

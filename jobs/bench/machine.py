@@ -19,6 +19,7 @@ def facts() -> dict[str, str]:
     values = {
         "processor": f"{processor()}, {len(os.sched_getaffinity(0))} of {os.cpu_count()} cores, {memory():.0f} GiB",
         "BLAS threads": os.environ.get("OPENBLAS_NUM_THREADS", "as the library chooses"),
+        "OpenBLAS kernels": os.environ.get("OPENBLAS_CORETYPE", "as the library chooses"),
     }
     versions = [f"microslip {microslip.__version__}", f"Python {platform.python_version()}"]
     for package in ("numpy", "scipy", "petsc4py", "slepc4py", "mpi4py"):

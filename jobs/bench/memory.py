@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MICROSLIP_CACHE", "off")  # every set-up is made
 import argparse
 import json

@@ -8,6 +8,9 @@ number is the part of the search for a higher solution on another piece of the c
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import time
 from unittest.mock import patch
@@ -20,7 +23,6 @@ initialise()  # before anything imports PETSc
 
 from mpi4py import MPI
 
-import microslip
 from microslip.continuation.corrector import Corrector
 from microslip.continuation.maximum import _Search
 

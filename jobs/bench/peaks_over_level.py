@@ -8,6 +8,9 @@ solution whose neighbours, a fixed phase before and after it, have the same ampl
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import time
 
@@ -18,8 +21,6 @@ from microslip.parallel.petsc import initialise
 initialise()  # before anything imports PETSc
 
 from mpi4py import MPI
-
-import microslip
 
 
 def main() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,6 +7,9 @@ The curve of one level is followed without stability; then the multipliers of so
 
 from __future__ import annotations
 
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import time
 from dataclasses import replace

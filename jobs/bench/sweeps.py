@@ -9,13 +9,14 @@ amplitude, frequency and width to a sweep of that sample alone.
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import time
 from pathlib import Path
 
 import numpy as np
-
-import microslip
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,14 +12,15 @@ the scene, and the last line says what the peak is where the damper is built wit
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
-
-import microslip
 
 ROOT = Path(__file__).parents[2]
 POWER = 8.0  # of the mean that stands for the largest peak, so that it is smooth

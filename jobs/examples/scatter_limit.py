@@ -10,6 +10,9 @@ share of the discs does not exceed is computed at each scatter, and SciPy's root
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,8 +22,6 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 from scipy.optimize import brentq
-
-import microslip
 
 TOLERANCE = 0.02  # of ln scatter
 

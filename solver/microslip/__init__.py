@@ -29,7 +29,10 @@ def _may_cut_files() -> bool:
 if _may_cut_files():
     sys.dont_write_bytecode = True  # Python would keep a compiled module that is cut, and fail with it at every further start
 
+from .system.blas import name_kernels
 from .version import __version__ as __version__
+
+name_kernels()  # before anything imports NumPy
 
 if TYPE_CHECKING:
     from .library.backbone import Backbone, backbone
@@ -110,6 +113,7 @@ def __getattr__(name: str) -> Any:
     module, _, original = _FROM[name].partition(":")
     if module.startswith(".library"):
         import_module(".parallel.petsc", __name__).initialise()
+        import_module(".system.blas", __name__).warn_of_slow_kernels()
     return getattr(import_module(module, __name__), original or name)
 
 

@@ -68,9 +68,9 @@ def test_a_folder_in_the_place_of_a_file(tmp_path):
 def test_a_limit_on_files_leaves_no_compiled_module_that_is_cut(tmp_path):
     """The package, with a module larger than the limit, starts again without it: Python keeps what fits of a compiled one."""
     package = tmp_path / "microslip"
-    package.mkdir()
-    for name in ("__init__.py", "version.py"):
-        shutil.copy(Path(microslip.__file__).with_name(name), package)
+    (package / "system").mkdir(parents=True)
+    for name in ("__init__.py", "version.py", "system/__init__.py", "system/blas.py"):
+        shutil.copy(Path(microslip.__file__).parent / name, package / name)
     (package / "large.py").write_text("".join(f"value_{i} = {i}\n" for i in range(2000)))
     imports = [sys.executable, "-c", "import microslip.large"]
     for limit in (10_000, resource.RLIM_INFINITY):  # above the compiled start of the package, which sets the protection

@@ -18,7 +18,14 @@ from .input_files import fingerprint, input_files
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "PETSC_OPTIONS")
+_VARIABLES = (
+    "OPENBLAS_CORETYPE",
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "PETSC_OPTIONS",
+)
 
 
 def origin_of(scene: Scene, comm: MPI.Comm) -> Origin:

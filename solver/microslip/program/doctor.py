@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..parallel.petsc import initialise, locate
+from ..system import blas
 from ..system.signals import unbroken
 from ..system.versions import dotted, loaded_libraries, mumps_version
 from ..version import __version__
@@ -209,6 +210,8 @@ def _notes(is_well: bool) -> list[str]:
     loaded = loaded_libraries()
     if "libblas.so" in loaded and not re.search("openblas|mkl|blis|atlas", loaded):
         lines.append("MUMPS runs on the reference BLAS, several times slower: sudo apt-get install libopenblas0-pthread")
+    if slow := blas.fault(loaded):
+        lines.append(slow)
     if importlib.util.find_spec("plotly") is None:
         lines.append(f"without plotly there is no `microslip report`: {_pip('plotly')}")
     for package, module, files in (

@@ -1,0 +1,58 @@
+"""OpenBLAS' kernels: named by the vectors of the processor, before NumPy loads the library."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from microslip.system import blas
+
+AVX2 = "avx2 fma"
+AVX512 = AVX2 + " avx512f avx512dq avx512cd avx512bw avx512vl"
+CORE = "from microslip.system.versions import loaded_libraries; from microslip.system.blas import fault; print(fault(loaded_libraries()))"
+
+
+@pytest.mark.parametrize(
+    "vendor, flags, kernels",
+    [
+        ("GenuineIntel", AVX512, "SkylakeX"),
+        ("AuthenticAMD", AVX512, "SkylakeX"),
+        ("AuthenticAMD", AVX2, "Zen"),
+        ("GenuineIntel", AVX2, "Haswell"),
+        ("GenuineIntel", AVX2 + " avx512f", "Haswell"),
+        ("GenuineIntel", "avx fma", ""),
+    ],
+)
+def test_kernels_are_those_of_the_longest_vectors(vendor, flags, kernels):
+    assert blas.kernels_of(f"processor\t: 0\nvendor_id\t: {vendor}\nflags\t\t: fpu {flags} sse2\n") == kernels
+
+
+def test_another_processor_or_system_is_left_to_openblas(monkeypatch, tmp_path):
+    assert blas.kernels_of("processor\t: 0\nFeatures\t: fp asimd\n") == blas.kernels_of("") == ""
+    monkeypatch.setattr(blas, "_PROCESSOR", str(tmp_path / "missing"))
+    monkeypatch.delenv("OPENBLAS_CORETYPE", raising=False)
+    blas.name_kernels()
+    assert "OPENBLAS_CORETYPE" not in os.environ
+
+
+def test_a_setting_of_the_user_stays(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Nehalem")
+    blas.name_kernels()
+    assert os.environ["OPENBLAS_CORETYPE"] == "Nehalem"
+
+
+def _printed(code, **variables):
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"} | variables
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    return done.stdout.strip() + done.stderr
+
+
+@pytest.mark.skipif(not blas.kernels_of(blas._first_processor()), reason="OpenBLAS selects its kernels by itself here")
+def test_slow_kernels_are_neither_selected_nor_passed_over_in_silence():
+    assert _printed(f"import microslip, numpy; {CORE}") == ""
+    wrong = _printed(f"import microslip, numpy; {CORE}", OPENBLAS_CORETYPE="Nehalem")
+    if not wrong:
+        pytest.skip("NumPy's BLAS is not OpenBLAS, or has one set of kernels")
+    assert wrong.startswith("OpenBLAS uses its kernels for Nehalem, several times slower") and "OPENBLAS_CORETYPE=" in wrong
+    assert "kernels for Nehalem" in _printed("import microslip; microslip.build", OPENBLAS_CORETYPE="Nehalem")
