@@ -23,7 +23,8 @@ points = 3
 fields = false
 [solver]
 modes = 12
-harmonics = 3
+harmonics = 2
+samples = 64
 error_bars = false
 """
 
