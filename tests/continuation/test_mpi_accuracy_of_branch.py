@@ -50,8 +50,9 @@ def amplitudes(points):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("level", [pytest.param(40.0, marks=[pytest.mark.ranks(1), pytest.mark.study]), 100.0])
-@pytest.mark.parametrize("target", [1e-2, pytest.param(1e-3, marks=pytest.mark.ranks(1))])
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("level", [pytest.param(40.0, marks=pytest.mark.study), 100.0])
+@pytest.mark.parametrize("target", [1e-2, 1e-3])
 def test_a_branch_meets_the_accuracy_asked_for(level, target):
     problem, estimator = problem_of("chain", level)
     accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16))

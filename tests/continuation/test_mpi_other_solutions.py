@@ -105,6 +105,7 @@ def test_all_solutions_of_duffing_and_no_other(omega, n):
     assert all(one.residual < 1e-10 for one in result.solutions)
 
 
+@pytest.mark.ranks(1)
 def test_deflation_alone_finds_what_a_folded_curve_passes():
     """A mass before a stop between its folds; the lowest solution is known."""
     system = scenes.gap_mass()

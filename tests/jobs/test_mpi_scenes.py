@@ -88,7 +88,10 @@ def of_block(structure):
 AT_REST = {"fan_paper_speed": of_blade, "bolted_lap": of_lap, "underplatform_damper": of_damper, "block_on_ground": of_block}
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["fan_paper_speed", *(pytest.param(name, marks=pytest.mark.ranks(1)) for name in SCENES if name != "fan_paper_speed")]
+)
 def test_the_scene_comes_to_rest_and_vibrates_about_it(comm, shared_path, name):
     """Energy is conserved at every point, friction takes some, and what slips moves less than what would stick."""
     level = SCENES[name][2]

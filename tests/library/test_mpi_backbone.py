@@ -411,6 +411,7 @@ def test_the_command_writes_table_arrays_and_pictures(scene_file, program, share
         assert "backbone.png" in names and not {"synthesis.png", "synthesis.csv"} & names
 
 
+@pytest.mark.ranks(1)
 def test_the_command_computes_forced_responses_where_the_scene_names_the_mode_followed(scene_file, program, shared_path):
     path = scene_file(one_mass(), points=8, samples=64)
 

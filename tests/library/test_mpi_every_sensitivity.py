@@ -83,6 +83,7 @@ def test_amplitude_and_phase_by_a_number_of_a_joint(comm, shared_path, key, N0):
             assert of_joint == pytest.approx(each @ column, rel=1e-12)
 
 
+@pytest.mark.ranks(1)
 def test_amplitude_and_phase_by_level_and_damping(comm, shared_path):
     level, system = 10.0, scenes.chain()
     response = response_of(comm, shared_path, system, level, sensitivities=True)

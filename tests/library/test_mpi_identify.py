@@ -71,6 +71,7 @@ def noisy(exact, seed):
     }
 
 
+@pytest.mark.ranks(1)
 def test_exact_data_give_the_values_back(structure, exact):
     fit = microslip.identify(structure, exact, BOUNDS)
     assert fit[FRICTION] == pytest.approx(0.8, rel=1e-4) and fit[RATIO] == pytest.approx(0.03, rel=1e-4)

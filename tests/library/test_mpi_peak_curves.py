@@ -124,6 +124,7 @@ def test_the_peak_over_contact_stiffness_is_the_closed_form(structure):
     np.testing.assert_allclose(curve.amplitude, of_values, rtol=30.0 / 128**2)
 
 
+@pytest.mark.ranks(1)
 def test_the_peak_over_the_level_is_the_closed_form(structure):
     (curve,) = microslip.peaks(structure, {"level": LEVELS}, values=(0.4, 0.8))
     assert not curve.points.failure and curve.value[-1] == LEVELS[1] and len(curve.value) < 100

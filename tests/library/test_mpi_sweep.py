@@ -97,6 +97,7 @@ def test_a_structure_without_joints_has_its_linear_peaks(comm, folder):
     assert tops[1] == pytest.approx(6.0 * tops[0]) and (tops < table.amplitude).all() and tops[0] > 0.5 * table.amplitude[0]
 
 
+@pytest.mark.ranks(1)
 def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, folder, mass):
     """From a factor of 1/100 to 10: all modes are there, so that the update is exact."""
     values = [0.01, 0.5, 10.0]
@@ -189,6 +190,7 @@ def test_the_update_holds_over_a_factor_of_a_hundred_either_way(comm, folder, mu
         assert sample.amplitude == pytest.approx(alone.amplitude, rel=1e-8)
 
 
+@pytest.mark.ranks(1)
 def test_samples_are_those_of_separate_structures(comm, bar):
     """Friction, preload, level, damping and harmonics on one structure; density by another."""
     samples = {

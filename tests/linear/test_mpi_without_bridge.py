@@ -149,6 +149,7 @@ def test_a_number_beyond_32_bits_is_refused():
             bridge.within_int32(number, "unknowns")
 
 
+@pytest.mark.slow
 def test_a_run_gives_the_same_curve_and_modes(shared_path, monkeypatch):
     """With the module not there at all: no factor goes into the cache, and one that is there is left alone."""
     path = on_root(comm, lambda: write_bar(shared_path, divisions=(8, 3, 2), modes=6))

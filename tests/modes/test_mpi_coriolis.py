@@ -92,7 +92,7 @@ def test_a_shaft_whirls_at_its_frequency_plus_and_minus_the_speed(comm, shared_p
         np.testing.assert_allclose(modes.omega_n[0], np.sqrt(omega_0**2 - speed**2), rtol=1e-3)  # without Coriolis forces
 
 
-@pytest.mark.parametrize("N", [5, 6])
+@pytest.mark.parametrize("N", [5, pytest.param(6, marks=pytest.mark.ranks(1))])
 def test_waves_of_a_sector_are_those_of_the_ring(comm, shared_path, N):
     """Every frequency of the ring in full is that of a wave, backward or forward, of one nodal diameter."""
     speed, n, few = 600.0, 54, 2

@@ -124,7 +124,14 @@ def test_complex_groups_are_those_of_a_ring_built_with_the_springs(factor, monke
         np.testing.assert_allclose(our, their, atol=1e-10 * np.abs(their).max())
 
 
-@pytest.mark.parametrize("names, pairs", [(("k_t", "k_n"), (0, 1)), (("k_t",), (1,)), (("k_n",), (0,))], ids=str)
+@pytest.mark.parametrize(
+    "names, pairs",
+    [
+        (("k_t", "k_n"), (0, 1)),
+        *(pytest.param((name,), (pair,), marks=pytest.mark.ranks(1)) for name, pair in (("k_t", 1), ("k_n", 0))),
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("factor", FACTORS)
 def test_the_response_is_that_of_a_structure_built_with_the_springs(factor, names, pairs):
     built = forced(*reduced(chain(pairs=pairs, **dict.fromkeys(names, factor)), COMM, 3), 128, LEVEL)

@@ -151,7 +151,7 @@ def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_modes", [6, 12])
+@pytest.mark.parametrize("n_modes", [6, pytest.param(12, marks=pytest.mark.ranks(1))])
 def test_error_bars_know_of_it(comm, shared_path, n_modes):
     """About the resonance, where all pairs stick: what a few modes miss of all modes lies within the bar, and not far within."""
     few, every = (

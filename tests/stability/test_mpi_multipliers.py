@@ -60,7 +60,7 @@ def test_a_slider_that_never_slips_is_neutral():
     assert np.allclose(np.sort_complex(multipliers.values[:2]), np.sort_complex(exact), atol=1e-12)
 
 
-@pytest.mark.parametrize("name, regime", [("spatial", "lift-off"), ("chain", "gross")])
+@pytest.mark.parametrize("name, regime", [("spatial", "lift-off"), pytest.param("chain", "gross", marks=pytest.mark.ranks(1))])
 def test_multipliers_are_those_of_the_map_of_an_independent_integration(name, regime):
     system = scenes.SCENES[name]()
     level, omega, _ = system["levels"][regime]

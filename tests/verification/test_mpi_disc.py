@@ -58,7 +58,15 @@ def test_a_wave_in_the_other_direction_takes_as_many_modes_as_its_mirror_image(s
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-2)
 
 
-@pytest.mark.parametrize(("N", "kind"), [(3, "hex8"), (5, "hex8"), (6, "hex8"), (5, "hex20")])
+@pytest.mark.parametrize(
+    ("N", "kind"),
+    [
+        pytest.param(3, "hex8", marks=pytest.mark.ranks(1)),
+        (5, "hex8"),
+        (6, "hex8"),
+        pytest.param(5, "hex20", marks=pytest.mark.ranks(1)),
+    ],
+)
 def test_modes_of_all_nodal_diameters_are_those_of_the_ring(shared_path, N, kind):
     sector, ring = built(write_sector, shared_path, N, end(12), kind), built(write_ring, shared_path, N, end(8 * N), kind)
     groups = sector.per_group
@@ -121,9 +129,9 @@ def test_the_response_is_that_of_the_ring(shared_path, N, h, frequency, level, f
 
 
 REST = [  # the last one without mean and second harmonic
-    (6, 3, False, 1416.0, 20.0, 0.3, 3),
+    pytest.param(6, 3, False, 1416.0, 20.0, 0.3, 3, marks=pytest.mark.ranks(1)),
     (5, 1, True, 1000.0, 30.0, 0.1, 3),
-    (5, 1, False, 1436.0, 20.0, 0.1, [1, 3]),
+    pytest.param(5, 1, False, 1436.0, 20.0, 0.1, [1, 3], marks=pytest.mark.ranks(1)),
 ]
 
 
@@ -151,6 +159,7 @@ def test_the_wave_solves_the_ring_where_sliders_rest_after_slip(shared_path, N, 
     assert values["started"] < 1e-9 and values["at 0"] > 1e-5, values
 
 
+@pytest.mark.ranks(1)
 def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):
     """The shrouds slide on those of the next sectors."""
     h, how = 1, {"N": 5, "friction": 0.05, "how": {"shroud": True}}
@@ -169,6 +178,7 @@ def test_dampers_between_two_blades_are_those_of_the_ring(shared_path):
     np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
 
 
+@pytest.mark.ranks(1)
 def test_a_wave_is_that_of_its_alias_and_takes_as_much_power_as_the_one_in_the_other_direction(shared_path):
     """h and h + N are one wave; under one force the power of h and -h is the same by reciprocity, stuck."""
     by_key = {h: response_at(shared_path, write_sector, N_DOF, 1420.0, 0.01, wave={"engine_order": h}, N=5) for h in (2, -2, 3)}
@@ -229,7 +239,7 @@ CHAIN = [  # N = 12 of VALIDATION: wave, force, largest amplitude, its frequency
     (1, 1.0, 19.534426293, 1.039333555),
     pytest.param(11, 0.1, 2.096420252, 1.150980620, marks=pytest.mark.ranks(1)),
     pytest.param(6, 0.1, 0.515138855, 2.442395898, marks=pytest.mark.ranks(1)),
-    (6, 1.0, 0.805313533, 2.145642069),
+    pytest.param(6, 1.0, 0.805313533, 2.145642069, marks=pytest.mark.ranks(1)),
 ]
 RADII = (1.0, 1.1, 1.2)
 
@@ -279,7 +289,7 @@ def test_a_chain_with_friction_between_neighbours_has_its_closed_form(shared_pat
     structure.close()
 
 
-@pytest.mark.parametrize("h", (1, 6))
+@pytest.mark.parametrize("h", (1, pytest.param(6, marks=pytest.mark.ranks(1))))
 def test_a_nonlinear_mode_of_the_chain_has_its_closed_form(shared_path, h):
     """A travelling wave, with s = 2 sin(pi h / 12), Y = s X of the joint: omega^2 = 1 + s^2 / 4 + s^2 a1 / Y."""
     structure = built(write_chain, shared_path, h, 0.1, 1.0)

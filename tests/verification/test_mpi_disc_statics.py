@@ -74,7 +74,7 @@ CASES = {  # N, h, statics, joints and shape of the sector
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.ranks(1) if "shrouds" in name else ()) for name in CASES])
 def test_rest_and_vibration_are_those_of_the_ring(shared_path, name):
     N, h, statics, how, frequency, level = CASES[name]
     n_dof = 90 if how.get("how") else 54
@@ -100,6 +100,7 @@ def test_rest_and_vibration_are_those_of_the_ring(shared_path, name):
 
 
 @pytest.mark.pictures
+@pytest.mark.ranks(1)
 def test_the_program_shows_frequencies_at_speed_of_every_nodal_diameter(shared_path, program):
     """Those of the structures at these speeds, which stiffen, and the orders that excite each diameter."""
     N, scene = 5, end(PRESSED, 4, 1420.0, 1.0)

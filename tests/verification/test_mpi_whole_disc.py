@@ -63,7 +63,7 @@ def sector_factors(**columns):
     return "".join(rows)
 
 
-ALIKE = [(5, 2, 1420.0, 20.0, 0.05), (6, 7, 1436.0, 20.0, 0.05)]
+ALIKE = [pytest.param(5, 2, 1420.0, 20.0, 0.05, marks=pytest.mark.ranks(1)), (6, 7, 1436.0, 20.0, 0.05)]
 
 
 @pytest.mark.parametrize(("N", "h", "frequency", "level", "friction"), ALIKE)
@@ -94,6 +94,7 @@ def of_sectors(ring, whole):
     return at, at // (whole.pairs.n_pairs // len(whole.weights))
 
 
+@pytest.mark.ranks(1)
 def test_sectors_that_differ_are_those_of_the_ring(shared_path):
     """Friction, preload and load of the sectors have factors."""
     N, h, frequency, level, random = 6, 1, 1436.0, 20.0, np.random.default_rng(5)
