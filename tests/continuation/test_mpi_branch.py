@@ -28,7 +28,11 @@ def scene(name):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "X, frequencies",
-    [(0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843))],
+    [
+        pytest.param(0.5, (0.632495064828, 1.897248005129), marks=pytest.mark.ranks(1)),
+        (1.5, (1.127402158122, 1.463083257582)),
+        pytest.param(2.0, (1.136206225921, 1.305151377843), marks=pytest.mark.ranks(1)),
+    ],
 )
 def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, frequencies):
     curve = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies, points=20)
@@ -77,6 +81,7 @@ def full_motion(system, level, point):
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_energy_closes_at_every_point():
     system = scene("jenkins")
     for level, *_ in system["levels"].values():

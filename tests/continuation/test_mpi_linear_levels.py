@@ -77,7 +77,7 @@ def test_a_level_is_linear_exactly_up_to_the_first_slip(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize("down", [False, pytest.param(True, marks=pytest.mark.ranks(1))])
 @pytest.mark.parametrize("name, selection", [("chain", AllPairs()), ("spatial", AllPairs()), ("chain", NonStickingPairs())])
 def test_a_scaled_level_is_the_solved_one(name, selection, down):
     low, high = FREQUENCIES[name]

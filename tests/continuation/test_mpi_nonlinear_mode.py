@@ -53,7 +53,7 @@ def mode(system, H, n_samples, amplitudes, j=0, stop=None, tolerance=1e-11, law_
     return problem, follow_mode(problem, Sweep(at[0] - 0.01, np.log(stop or 1.01 * amplitudes[-1]), at), tolerance)
 
 
-@pytest.mark.parametrize("n_samples", (128, 512))
+@pytest.mark.parametrize("n_samples", (128, pytest.param(512, marks=pytest.mark.ranks(1))))
 def test_one_mass_is_that_of_the_closed_form_as_samples_grow(n_samples):
     problem, branch = mode(one_mass(), 1, n_samples, list(EXACT))
     assert branch.failure is None

@@ -96,7 +96,9 @@ def duffing(omega, level, c=0.1, k_3=1.0, k_5=0.0):
     return problem, np.sort(np.sqrt(squares))
 
 
-@pytest.mark.parametrize("omega, n", [(1.5, 3), (1.6, 3), (0.8, 1)])
+@pytest.mark.parametrize(
+    "omega, n", [(1.5, 3), *(pytest.param(omega, n, marks=pytest.mark.ranks(1)) for omega, n in ((1.6, 3), (0.8, 1)))]
+)
 def test_all_solutions_of_duffing_and_no_other(omega, n):
     problem, exact = duffing(omega, 0.3)
     assert len(exact) == n

@@ -157,6 +157,7 @@ def test_points_without_a_solution_with_twice_the_harmonics_are_stated(structure
     assert f"pairs open from {size[-1]:.4g} m on" in line and "may have no solution" in line
 
 
+@pytest.mark.ranks(1)
 def test_phase_resonance_and_synthesis_are_forced_responses(structure):
     """With one mode the synthesis is the truth, but for the damping, which friction has at the frequency of the mode."""
     built = structure(one_mass(), points=40)
@@ -175,6 +176,7 @@ def test_phase_resonance_and_synthesis_are_forced_responses(structure):
     assert np.isnan(mode.forced(1e9).peak[0])
 
 
+@pytest.mark.ranks(1)
 def test_statics_and_masings_rules_are_the_secant_and_the_loop(structure):
     """Of one Jenkins element: alpha = k X + mu N, loss 4 mu N (X - 1)."""
     quasi = microslip.backbone(structure(one_mass())).quasi_static
@@ -185,6 +187,7 @@ def test_statics_and_masings_rules_are_the_secant_and_the_loop(structure):
     assert quasi.damping[quasi.amplitude > 1.0] == pytest.approx(by_friction + 0.01 / omega, rel=1e-2)
 
 
+@pytest.mark.ranks(1)
 def test_a_mode_that_moves_no_pair_but_for_rounding_is_a_line(structure):
     """Two alike masses on a spring between them and a joint: their symmetric mode does not move it."""
     system = two_masses()
@@ -215,6 +218,7 @@ def with_a_gap(gap=1.0):
 
 
 @pytest.mark.parametrize("mode", (1, 2))
+@pytest.mark.ranks(1)
 def test_a_mode_begins_about_rest_where_pairs_are_open(structure, mode):
     """Not with all pairs closed, whose modes have 1.49 and 1.91 rad/s: 1.22 and 1.55, until one slips or touches."""
     result = microslip.backbone(structure(with_a_gap(), harmonics=3), mode=mode, farthest=1.2)
@@ -249,6 +253,7 @@ def test_a_mode_whose_damping_couples_the_modes_begins_at_first_slip(structure, 
     assert np.min(1.0 / np.abs(phi[:, mode - 1])) > 1.001 * result.first_slip
 
 
+@pytest.mark.ranks(1)
 def test_a_mass_before_a_stop_has_the_frequency_of_its_two_parts(structure):
     """Half a cycle of sqrt(k / m) = 1 and more, the rest of the cycle at 2: the stop has three times the spring."""
     system = scenes.make_system(
@@ -361,6 +366,7 @@ def test_a_mode_that_moves_no_pair_is_a_line(structure):
     assert "moves no pair of a joint" in mode.notes[-1]
 
 
+@pytest.mark.ranks(1)
 def test_a_harmonic_that_meets_another_mode_is_said(structure):
     """1.414 rad/s falls to 1: with mode 2 at 3.6 rad/s the third harmonic meets it at 1.2 rad/s."""
     system = two_masses()

@@ -76,6 +76,7 @@ def motions_of_masses(F, omega):
 
 
 @pytest.mark.parametrize("level", [10.0, 400.0])
+@pytest.mark.ranks(1)
 def test_two_free_masses_with_a_slider(tmp_path, level):
     """One harmonic, stuck and slipping: the program meets the describing function as far as samples make it."""
     resonance = np.sqrt(K_T * (1.0 / M_1 + 1.0 / M_2))
@@ -196,6 +197,7 @@ def test_methods_agree_and_momentum_is_balanced_with_slip(tmp_path, method, peak
 
 
 @pytest.mark.parametrize("held", [0.0, 1e-3])
+@pytest.mark.ranks(1)
 def test_soft_springs_approach_the_free_structure(tmp_path, held):
     """A truss of matrices, pairs stuck: springs at 1/1000 of the elastic frequencies change the curve by about 1e-6."""
     omega, zeta = ELASTIC * np.array([0.5, 0.9, 0.97, 1.03]), 0.01

@@ -91,6 +91,7 @@ def test_a_peak_is_the_corner_of_the_curve_where_a_pair_begins_to_slip(comm, mon
     assert 2.0 * np.pi * curve.frequency[-1] == pytest.approx(peak.omega, rel=1e-5)
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_of_a_curve_is_the_end_of_the_higher_of_two_pieces(comm):
     """Where the pair begins to slip its mean position jumps; the maximum of the piece with slip is 3e-4 lower."""
     keys = {"levels": [0.06], "error_bars": False, "harmonics": 3, "samples": 64}
@@ -102,6 +103,7 @@ def test_a_peak_of_a_curve_is_the_end_of_the_higher_of_two_pieces(comm):
     assert abs(peak.amplitude) == pytest.approx(near_its_end, rel=1e-5) and peak.slipping == 0
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_that_ends_early_says_whether_the_maximum_still_exists(comm):
     """That at 0.2634 Hz joins a minimum at 0.0858 N, where another one on the flat top of the curve remains."""
     response, solver = {"frequencies": [0.2, 0.3], "points": 60}, {"error_bars": False, "harmonics": 3, "samples": 128}
@@ -268,6 +270,7 @@ def test_values_that_the_law_has_not_are_refused(structure):
         beginnings(prepare(structure, structure.scene).response, negative)
 
 
+@pytest.mark.ranks(1)
 def test_the_peak_of_a_mass_below_its_stop_is_the_closed_form(comm):
     """Where the linear response, with the stop closed, is of twice the frequency."""
     scene = microslip.read(Path(__file__).parents[2] / "jobs" / "stop.toml")
@@ -396,6 +399,7 @@ def test_a_peak_that_is_not_near_is_searched_for_without_homotopies(structure, m
     assert there is not None and there.parameters == pytest.approx(near.there.parameters, rel=1e-9)
 
 
+@pytest.mark.ranks(1)
 def test_a_peak_in_gross_slip_begins_with_the_mean_slip_held(comm, shared_path, monkeypatch):
     """Of a body that hangs on its joint alone, where Newton's method fails without, as along the curve that leads there."""
     n, level, first = 3, 4.0, PointSolver.first

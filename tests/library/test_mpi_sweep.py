@@ -147,6 +147,7 @@ def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, m
     assert table.amplitude == pytest.approx(directly.amplitude, rel=1e-8)
 
 
+@pytest.mark.ranks(1)
 def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatch):
     """Where all pairs slip, free of springs, Newton's method may end anywhere in the mean."""
     values, peak = [], _Search.peak
@@ -247,6 +248,7 @@ def test_factors_that_the_file_of_pairs_does_not_allow_are_refused_before_a_solv
 
 
 @pytest.mark.parametrize("is_loose", [True, False])
+@pytest.mark.ranks(1)
 def test_whether_the_mean_slip_is_held_is_decided_at_the_peak(mass, monkeypatch, is_loose):
     """As along a curve: where most pairs slip and nothing else holds a body; here the search begins with the other state."""
     held, highest_of, forced = [], sample_peaks.highest_of, _Problem.forced
@@ -297,6 +299,7 @@ def test_motions_are_interpolated_linearly():
     assert affine_weights(np.array([[0.0, 0.0], [1.0, 1.0]])) is None
 
 
+@pytest.mark.ranks(1)
 def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_from_the_scene(mass):
     """Between the two frequencies at which one harmonic of 1 / sqrt 2 of the amplitude balances the level."""
     table = microslip.sweep(mass, {FRICTION: [0.6, 0.8, 1.1]})

@@ -162,6 +162,7 @@ def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
 
 @pytest.mark.ranks(1, 2)
 @pytest.mark.filterwarnings("error")
+@pytest.mark.ranks(1)
 def test_a_resonance_without_damping_gives_no_warnings(shared_path):
     """Without a stated accuracy it is allowed: friction may hold what damping does not."""
     system = chain(450) | {"zeta": 0.0, "M": sp.identity(450, format="csc")}

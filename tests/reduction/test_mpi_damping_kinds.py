@@ -136,6 +136,7 @@ def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_pat
 
 
 @pytest.mark.parametrize("n_modes", [4, 10])
+@pytest.mark.ranks(1)
 def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
     """The static part of the truncated modes has no structural damping, and the springs of the joint couple them to the others."""
     scene = scene_with(comm, shared_path, damping="structural = 0.05", **COARSE)
@@ -192,6 +193,7 @@ def test_bad_input(comm, shared_path, damping):
         scene_with(comm, shared_path, damping=damping)
 
 
+@pytest.mark.ranks(1)
 def test_structural_damping_has_no_equivalent_in_time(program, comm, shared_path):
     scene = scene_with(comm, shared_path, damping="structural = 0.01")
     status, _, said = program("verify", scene.path, "--out", shared_path / "out")

@@ -334,7 +334,7 @@ def test_a_cache_that_cannot_be_written_is_said_and_done_without(shared_path):
     assert any("is not stored for other runs" in note for note in notes)
 
 
-@pytest.mark.parametrize("write", ["matrices", "mesh"])
+@pytest.mark.parametrize("write", [pytest.param("matrices", marks=pytest.mark.ranks(1)), "mesh"])
 def test_without_a_joint_other_names_points_and_levels_go_on(write, shared_path, built):
     path, cache_folder = on_root(COMM, WITHOUT_JOINT[write], shared_path), shared_path / "cache"
     first = followed(read_scene(path), shared_path / "one", cache_folder)

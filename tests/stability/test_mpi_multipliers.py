@@ -40,6 +40,7 @@ def one_mass(**damping):
     )
 
 
+@pytest.mark.ranks(1)
 def test_a_jenkins_oscillator_that_slips_in_every_cycle():
     """0.34687 +- 0.27507 i, by differences of the map integrated with DOP853 (1e-13) from event to event.
 

@@ -148,6 +148,7 @@ def test_a_tie_does_not_go_with_a_moved_support(comm, folder):
         microslip.build(scene_of(comm, folder, moved_by(0.01), supports=tied), comm)
 
 
+@pytest.mark.ranks(1)
 def test_a_load_beyond_buckling_says_so(comm, folder):
     """Euler's load of a cantilever, four times over, pushes it along a line that it cannot stay on."""
     P = np.pi**2 * YOUNG * SIDE**4 / 12.0 / LENGTH**2

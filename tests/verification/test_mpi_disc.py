@@ -101,7 +101,7 @@ def test_complex_modes_are_orthonormal_and_proved_complete(shared_path):
 WAVES = [  # engine orders N/2, 1, 2 and N + 1; stuck, and where sliding pairs slide in each cycle
     (6, 3, 1416.0, 0.01, 0.3),
     pytest.param(5, 1, 1436.0, 20.0, 0.05, marks=pytest.mark.ranks(1)),
-    (5, 2, 1420.0, 20.0, 0.05),
+    pytest.param(5, 2, 1420.0, 20.0, 0.05, marks=pytest.mark.ranks(1)),
     pytest.param(6, 7, 1436.0, 20.0, 0.05, marks=pytest.mark.ranks(1)),
 ]
 
@@ -344,6 +344,7 @@ def write_thick_ring(folder, N=6, kind="hex20", divisions=(3, 16, 3), shift=0.0)
     return path
 
 
+@pytest.mark.ranks(1)
 def test_a_free_ring_has_the_frequencies_of_elasticity(shared_path):
     structure = built(write_thick_ring, shared_path)
     np.testing.assert_allclose(structure.omega_n / (2.0 * np.pi), THICK_RING, rtol=6e-4)
@@ -357,6 +358,7 @@ def frequencies_of_thick_ring(shared_path, n, shift):
     return structure.omega_n
 
 
+@pytest.mark.ranks(1)
 def test_faces_that_are_not_meshed_alike_converge_to_those_that_are(shared_path):
     """Nodes of the high face on the facets of the low one: measured 4.2e-3 and 6.1e-4 at h and h / 3, nearly second order."""
     of_meshes = [[frequencies_of_thick_ring(shared_path, n, shift) for shift in (0.0, 0.4)] for n in (2, 6)]
@@ -380,6 +382,7 @@ def test_faces_that_are_not_meshed_alike_follow_linear_motions_exactly(shared_pa
 
 
 @pytest.mark.pictures
+@pytest.mark.ranks(1)
 def test_the_program_shows_the_modes_of_every_nodal_diameter(shared_path, program):
     """Table, diagram and shapes on all sectors; frequencies are those of the structures of the diameters."""
     path = on_root(COMM, lambda: write_sector(shared_path, 5, end(4)))
@@ -437,6 +440,7 @@ def test_time_integration_of_the_whole_ring_gives_the_wave(shared_path, program)
     structure.close()
 
 
+@pytest.mark.ranks(1)
 def test_an_output_in_another_sector_is_that_of_the_whole_disc(shared_path):
     """Harmonics 1 and 3 of the loads excite nodal diameters 2 and 1; all pairs stick."""
     third = table("[loads]", position=at(5), direction=[1.0, 0.0, 0.5], harmonic=3)

@@ -74,7 +74,7 @@ CASES = {  # N, h, statics, joints and shape of the sector
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.ranks(1) if "shrouds" in name else ()) for name in CASES])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if "pressed" in name else pytest.mark.ranks(1)) for name in CASES])
 def test_rest_and_vibration_are_those_of_the_ring(shared_path, name):
     N, h, statics, how, frequency, level = CASES[name]
     n_dof = 90 if how.get("how") else 54

@@ -27,6 +27,7 @@ error_bars = false
 """
 
 
+@pytest.mark.ranks(1)
 def test_a_list_is_what_is_solved_for(shared_path):
     """[0, 1, 2, 3] is 3; [1, 3] has no mean and no second harmonic, and another solution, as this joint also moves normally."""
     text = END + "harmonics = [1, 3]\n"

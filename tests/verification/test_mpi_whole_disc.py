@@ -142,6 +142,7 @@ def test_contact_stiffness_that_differs_is_that_of_the_ring(shared_path):
     assert misses(shared_path, [N_DOF], contact_stiffness=np.array([0.7, 1.2, 1.0, 1.4]))[0] < 1e-9
 
 
+@pytest.mark.ranks(1)
 def test_blades_that_differ_are_those_of_the_ring(shared_path):
     """Exactly with all modes; with fewer the error falls with their number."""
     factors = {"stiffness": np.array([1.02, 0.97, 1.01, 0.985]), "density": np.array([0.99, 1.0, 1.02, 1.01])}
