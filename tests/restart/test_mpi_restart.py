@@ -404,7 +404,7 @@ def test_peaks_and_bifurcations_of_finished_levels_are_read(shared_path, monkeyp
         assert [repr(there) for there in other.bifurcations] == [repr(fold)]
 
 
-OVER = ('response.over=[{key="level", range=[0.02, 1.0]}, {key="damping", range=[4.0, 1.0], level=0.05}]',)
+OVER = ('response.over=[{key="level", range=[0.02, 0.2]}, {key="damping", range=[4.0, 1.0], level=0.05}]',)
 
 
 @pytest.mark.slow
