@@ -174,7 +174,7 @@ def test_where_no_step_leads_on_many_small_newton_steps_may(monkeypatch):
 @pytest.mark.ranks(2, 3)
 def test_all_ranks_together_agree_with_one_alone():
     system = scene("chain")
-    together, alone = (branch(system, comm, 100.0, points=30) for comm in (COMM, MPI.COMM_SELF))
+    together, alone = (branch(system, comm, 100.0, points=15) for comm in (COMM, MPI.COMM_SELF))
     peak = max(amplitude(point) for point in alone.points)
     assert len(together.points) == len(alone.points)
     for a, b in zip(together.points, alone.points):
