@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from microslip.messages.words import counted, place, verb
+from microslip.messages.words import counted, place, rounded, verb
 
 
 @pytest.mark.parametrize(
@@ -33,3 +33,10 @@ def test_a_point_has_no_rounding_errors_of_zero():
 )
 def test_verbs_after_counts(n, plural, says):
     assert verb(n, plural) == says
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1032.0, "1030"), (0.40912, "0.409"), (-5.0, "-5"), (2.5e6, "2.5e+06"), (float("inf"), "inf")]
+)
+def test_forces_have_three_digits_and_no_power_of_ten_below_a_million(value, text):
+    assert rounded(value) == text

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..continuation.checkpointer import Checkpointers, no_checkpoints
 from ..continuation.levels import ResponseProblem, follow_levels, levels_of_slip
-from ..messages.words import counted
+from ..messages.words import counted, rounded
 from ..observe.log import RunLog
 from ..observe.observer import Observer, Observers
 from ..points.branch import Branch
@@ -56,13 +56,13 @@ def _in_words(levels: np.ndarray, highest: float) -> str:
     """Return for the log the levels (n_pairs,) [N] from which pairs slip; pairs that are open or slide at rest have 0 or less."""
     n_at_once = np.count_nonzero(levels <= _AT_ONCE * highest)
     half, later = levels[(len(levels) - 1) // 2], levels[n_at_once:]
-    of_half = f", half of all from {half:.3g} N" if np.isfinite(half) and half > _AT_ONCE * highest else ""
+    of_half = f", half of all from {rounded(half)} N" if np.isfinite(half) and half > _AT_ONCE * highest else ""
     if n_at_once:
-        at_next = f"; the next slips from about {later[0]:.3g} N on{of_half}" if len(later) and np.isfinite(later[0]) else ""
+        at_next = f"; the next slips from about {rounded(later[0])} N on{of_half}" if len(later) and np.isfinite(later[0]) else ""
         return f"by the linear peak, pairs that slip or are open at any level: {n_at_once} of {len(levels)}{at_next}"
     if not np.isfinite(levels[0]):
         return "by the linear peak, no pair slips at any level"
-    summary = f"by the linear peak, pairs slip from about {levels[0]:.3g} N on{of_half}"
+    summary = f"by the linear peak, pairs slip from about {rounded(levels[0])} N on{of_half}"
     return summary if highest > levels[0] else f"{summary}; the highest level is {highest:g} N, where nothing does"
 
 

@@ -62,3 +62,8 @@ def place(point: Iterable[float]) -> str:
     values = tuple(point)
     least = 1e-12 * max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     return "(" + ", ".join(f"{0.0 if abs(value) <= least else value:.6g}" for value in values) + ")"
+
+
+def rounded(value: float, digits: int = 3) -> str:
+    """Return a number with few significant digits, below a million without a power of ten: 1030, not 1.03e+03.  Local."""
+    return f"{float(f'{value:.{digits}g}'):g}"

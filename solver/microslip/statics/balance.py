@@ -10,7 +10,7 @@ from ..mesh.connected import connected_parts
 from ..mesh.cyclic import rotation, turned_about
 from ..mesh.data import ContactPairs
 from ..messages.errors import ConvergenceError
-from ..messages.words import listed, place
+from ..messages.words import listed, place, rounded
 from ..parallel.agree import on_root
 from ..tables.cyclic import Cyclic
 from .equilibrium import TOLERANCE, Rest
@@ -170,7 +170,7 @@ def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
                 shown = repr(name) if what else name
                 raise ConvergenceError(
                     f"{loaded.where}{': ' if loaded.where else ''}[statics]: the forces on {what}{shown} are not in balance: of "
-                    f"{table.size[i]:.4g} N a force of {left:.3g} N remains at rest, and rounding leaves up to "
+                    f"{table.size[i]:.4g} N a force of {rounded(left)} N remains at rest, and rounding leaves up to "
                     f"{ROUNDING_LIMIT:g} of them; compare the joint's stiffnesses with the structure's"
                 )
 

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from ..mesh.connected import connected_parts, on_parts
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
-from ..messages.words import listed
+from ..messages.words import listed, rounded
 from ..parallel.agree import on_root
 from .equilibrium import Rest
 from .loaded import Loaded
@@ -81,6 +81,6 @@ def _in_words(bodies: list[str], joints: Iterable[str], largest: float, size: fl
     most = f"at most {largest:.1g} N a pair" if largest > 0.0 else "zero in every pair"
     return (
         f"{where}{': ' if where else ''}[statics]: nothing presses on {listed(bodies)} at rest: the contact force of "
-        f"{listed([repr(joint) for joint in joints])} is {most} under loads of {size:.3g} N in all, and contact alone would hold "
-        "it; let a load press on it, state a preload, or hold it by [[supports]]"
+        f"{listed([repr(joint) for joint in joints])} is {most} under loads of {rounded(size)} N in all, and contact alone "
+        "would hold it; let a load press on it, state a preload, or hold it by [[supports]]"
     )
