@@ -14,8 +14,7 @@ if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
     open_streams()
     stop_at_once()
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
@@ -79,17 +78,6 @@ def _world() -> MPI.Comm | None:
     finally:
         leave_signals_to_main()
     return MPI.COMM_WORLD
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Import modules without searches for cyclic garbage, which take 0.05 s: next to nothing of modules is garbage.  Local."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
 
 
 def _perform(command: Command, comm: MPI.Comm | None) -> int:
@@ -208,10 +196,9 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
 
     require(comm, wrong_limit() or faults("pydantic", "mpi4py"))
     assert comm is not None, "mpi4py is there"
-    with _uncollected():
-        from .parallel.rank_groups import refuse_too_many
-        from .scene.read import read_scene
-        from .scene.schema import Scene, SceneOfModes
+    from .parallel.rank_groups import refuse_too_many
+    from .scene.read import read_scene
+    from .scene.schema import Scene, SceneOfModes
 
     refuse_too_many(command.options.get("groups", 1), comm.size)
     kind = SceneOfModes if command.name == "modes" else Scene
@@ -246,9 +233,8 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
 
 def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, int]:
     """Run one scene or several; return where the results are, and the exit status.  Collective on ``comm``."""
-    with _uncollected():
-        from . import run
-        from .studies.batch import run_scenes
+    from . import run
+    from .studies.batch import run_scenes
 
     of = command.options
     limit = on_root(comm, time_limit, of.get("walltime"))
@@ -263,8 +249,7 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
 
 def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     """Perform a study of a scene, into a folder.  Collective on ``comm``."""
-    with _uncollected():
-        module = import_module(f".studies.{command.name}.command", __package__)
+    module = import_module(f".studies.{command.name}.command", __package__)
     names = {field.name for field in fields(module.Request)}
     request = module.Request(**{name: value for name, value in command.options.items() if name in names})
     module.study(scene, comm, out, request, command.petsc)

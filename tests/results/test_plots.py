@@ -19,7 +19,6 @@ from synthetic_results import branch, curve, no_pairs, pairs_of, two_flanks, wri
 from microslip.messages.errors import CaseError
 from microslip.restart.results_folder import is_results_file
 from microslip.results import curve_plots, joint_plots, style
-from microslip.results.layout import InView, log_scale
 from microslip.results.plots import draw_all
 from microslip.results.read import read_results
 
@@ -331,32 +330,3 @@ def test_axes_of_a_page_do_not_overlap(tmp_path, pairs, pages):
         boxes = [ax.get_tightbbox(canvas.get_renderer()) for ax in page.figure.axes]
         for box, other in itertools.combinations(boxes, 2):
             assert box.x1 <= other.x0 + 1 or other.x1 <= box.x0 + 1 or box.y1 <= other.y0 + 1 or other.y1 <= box.y0 + 1, name
-
-
-@pytest.mark.parametrize(
-    ("scale", "low", "high"),
-    [
-        ("linear", 0.0, 1.0),
-        ("linear", 0.3, 2.1),
-        ("linear", -4.0, 5.5e4),
-        ("log", 0.1, 0.6),
-        ("log", 0.3, 2.1),
-        ("log", 1e-9, 3e-2),
-    ],
-)
-def test_ticks_out_of_view_are_left_out_and_no_pixel_differs(scale, low, high):
-    def drawn_axes(is_limited):
-        canvas = FigureCanvasAgg(matplotlib.figure.Figure(dpi=60))
-        ax = canvas.figure.add_subplot()
-        if scale == "log":
-            log_scale(ax, "x")
-        ax.set_xlim(low, high)
-        if is_limited:
-            InView.limit(ax)
-        canvas.draw()
-        return np.array(canvas.buffer_rgba()), np.concatenate([ax.get_xticks(), ax.get_xticks(minor=True)])
-
-    (picture, ticks), (limited, in_view) = drawn_axes(False), drawn_axes(True)
-    slack = 1e-9 * (high - low)  # of rounding
-    assert (limited == picture).all()
-    assert in_view.tolist() == [x for x in ticks if low - slack <= x <= high + slack]

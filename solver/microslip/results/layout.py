@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import LayoutEngine
-from matplotlib.ticker import Locator, LogFormatterSciNotation
+from matplotlib.ticker import LogFormatterSciNotation
 
 POINT = 1.0 / 72.0  # in
 PAD = 0.05  # in, about each of the axes
@@ -60,55 +60,6 @@ def log_scale(ax: Axes, *names: str) -> None:
         axis.set_major_formatter(PowersOfTen())
         axis.set_minor_formatter(PowersOfTen())
         axis.set_tick_params(which="minor", pad=5.0)  # points: their numbers are in the line of those of the longer ticks
-
-
-class InView(Locator):
-    """The ticks of another locator that are in view: matplotlib creates the others as well, and does not draw them."""
-
-    _ROUNDING = 1e-10  # of the length of the axis, as in matplotlib
-
-    def __init__(self, locator: Locator):
-        self._locator = locator
-
-    @classmethod
-    def limit(cls, ax: Axes) -> None:
-        """Limit the ticks of axes to those in view.  Local."""
-        for axis in (ax.xaxis, ax.yaxis):
-            for locator, replace in (
-                (axis.get_major_locator(), axis.set_major_locator),
-                (axis.get_minor_locator(), axis.set_minor_locator),
-            ):
-                if not isinstance(locator, cls):
-                    replace(cls(locator))
-
-    def __call__(self) -> np.ndarray:
-        """Return the places of the ticks."""
-        ticks, place = np.asarray(self._locator(), dtype=float), self.axis.get_transform().transform
-        low, high = sorted(place(self.axis.get_view_interval()))
-        at, slack = place(ticks), self._ROUNDING * (high - low)
-        in_view: np.ndarray = ticks[(at >= low - slack) & (at <= high + slack)]
-        return in_view
-
-    def set_axis(self, axis: Axis) -> None:
-        """Set the axis of the ticks."""
-        super().set_axis(axis)
-        self._locator.set_axis(axis)
-
-    def tick_values(self, vmin: float, vmax: float):
-        """Return the other locator's ticks for limits."""
-        return self._locator.tick_values(vmin, vmax)
-
-    def set_params(self, **options) -> None:
-        """Set options of the other locator."""
-        self._locator.set_params(**options)
-
-    def nonsingular(self, v0: float, v1: float):
-        """Return limits as the other locator widens them."""
-        return self._locator.nonsingular(v0, v1)
-
-    def view_limits(self, vmin: float, vmax: float):
-        """Return limits as the other locator chooses them."""
-        return self._locator.view_limits(vmin, vmax)
 
 
 class PageLayout(LayoutEngine):

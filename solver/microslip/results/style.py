@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..system.files import atomic_write
-from .layout import InView, PageLayout
+from .layout import PageLayout
 from .record import STOPPED, LevelResult, ResultFile
 
 WIDTH = 7.1  # in: the two columns of a page
@@ -133,8 +133,6 @@ class PageFigure(Figure):
     def draw(self, renderer) -> None:
         """Draw with the settings of the program."""
         with matplotlib.rc_context(RC):
-            for ax in self.axes:
-                InView.limit(ax)
             super().draw(renderer)
 
     def _repr_png_(self) -> bytes:
