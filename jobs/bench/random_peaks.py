@@ -25,10 +25,10 @@ sys.path[:0] = [str(ROOT / "tests")]
 
 from verification.sharp_peaks import BEYOND, FAINT, HALF_POWER, LOWER, response_of, sampled  # noqa: E402  initialises PETSc
 
+from microslip.continuation.branch_points import iterate_of  # noqa: E402
 from microslip.continuation.constraint_rows import Plane  # noqa: E402
 from microslip.continuation.iterate import Iterate  # noqa: E402
 from microslip.continuation.outputs import output_at  # noqa: E402
-from microslip.continuation.peaks import iterate_of  # noqa: E402
 from microslip.continuation.point_solver import PointSolver, Workspace  # noqa: E402
 from microslip.library.follow_response import follow  # noqa: E402
 from microslip.points.branch import Branch  # noqa: E402

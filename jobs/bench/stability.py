@@ -23,8 +23,8 @@ initialise()  # before anything imports PETSc
 
 from mpi4py import MPI
 
+from microslip.continuation.branch_points import harmonics_of, iterate_of
 from microslip.continuation.levels import follow_level
-from microslip.continuation.peaks import harmonics_of, iterate_of
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.scene.read import read_scene

@@ -10,9 +10,9 @@ from oracles import scenes
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.contact.law import ContactCycle
+from microslip.continuation.branch_points import iterate_of
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.other_solutions import _Search, continued, over_level
-from microslip.continuation.peaks import iterate_of
 from microslip.continuation.point_solver import PointSolver, Workspace
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.task import BranchTask

@@ -12,12 +12,15 @@ from oracles import exact, scenes
 from scipy.optimize import root
 
 from microslip.continuation import maximum_by_phase
+from microslip.continuation.branch_points import iterate_of
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.maximum import EXACT, Maximum, Sample, _Search
-from microslip.continuation.peaks import PeakOver, PeakPath, between_points, follow_peak, iterate_of, peaks_of
+from microslip.continuation.outputs import output_at
+from microslip.continuation.peaks import PeakOver, PeakPath, follow_peak, peaks_of
+from microslip.continuation.tops import between_points, maxima
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.operating_point import LawParameter
@@ -141,15 +144,83 @@ def test_a_maximum_between_two_points_is_that_of_the_linear_response(monkeypatch
     curve.points = [*(point for point in curve.points if point.omega < 0.95 * peak.omega), beyond]
     model, law = reduced(damper(), COMM, 1)
     problem = forced(model, law, 128, 1.0)
-    assert peaks_of(problem, curve, 1e-9) == []
     linear = linear_curve(model, Sweep(*damper()["omega"]))
     (between,) = peaks_of(problem, curve, 1e-9, curve=linear)
     assert between.omega == pytest.approx(peak.omega, rel=1e-9)
     assert between.amplitude == pytest.approx(peak.amplitude, rel=1e-7)
     assert between.within == 0.0 and between.slipping == 0
+    (by_slope,) = peaks_of(problem, curve, 1e-9)
+    assert by_slope.amplitude == pytest.approx(between.amplitude, rel=1e-9)
     monkeypatch.setattr(Maximum, "correct", lambda self, corrector, system, guess: SimpleNamespace(failure="diverged"))
     (unsolved,) = peaks_of(problem, curve, 1e-9, curve=linear)
     assert unsolved.within > 0.0 and unsolved.omega in {point.omega for point in curve.points}
+    assert peaks_of(problem, curve, 1e-9) == []
+
+
+def two_masses():
+    """Return two masses between grounds, one sliding on the other and one on the ground; the load moves mode 2 nine times as much."""
+    return scenes.make_system(
+        "two masses",
+        np.eye(2),
+        [[2.0, -1.0], [-1.0, 2.0]],
+        [[0, -1, -1, 1, -1, -1], [1, -1, -1, -1, -1, -1]],
+        mu=1.0,
+        N0=1.0,
+        k_t=0.3,
+        k_n=0.0,
+        zeta=0.02,
+        loads=[{"vector": np.array([1.0, -0.8]), "harmonic": 1, "phase": 0.0}],
+        output=[1.0, 0.0],
+        omega=(0.8, 2.4),
+        levels={},
+    )
+
+
+@pytest.mark.parametrize(("level", "slipping"), [(0.01, 0), (4.0, 1)], ids=["stuck", "slipping"])
+@pytest.mark.parametrize("down", [False, True], ids=["up", "down"])
+def test_a_maximum_before_an_antiresonance_is_listed_where_amplitudes_of_points_do_not_show_it(level, slipping, down):
+    """One point behind the lower peak, higher than all before; the next one, beyond the antiresonance, is higher yet."""
+    curve, of_curve = peaks_at(level, down)
+    low, high = sorted(of_curve, key=lambda peak: peak.omega)
+    near = low.omega * (1.0 + np.linspace(-1e-3, 1e-3, 21))
+    fine = branch(two_masses(), COMM, level, points=40, at=tuple(near), down=down)
+    sweep = max(amplitude(point) for point in fine.points if point.requested)
+    assert -1e-9 <= abs(low.amplitude) / sweep - 1.0 < 1e-4 and low.slipping == slipping
+    beyond = [point for point in curve.points if point.omega > low.omega]
+    behind = min((point for point in beyond if point.omega > 1.005 * low.omega), key=lambda point: point.omega)
+    rising = [point for point in beyond if point.omega > 1.3 * low.omega and amplitude(point) > abs(low.amplitude)]
+    before = [point for point in curve.points if point.omega < 0.95 * low.omega]
+    curve.points = [*rising, behind, *before] if down else [*before, behind, *rising]
+    assert len(list(maxima(curve))) == 1
+    listed = peaks_of(forced(*reduced(two_masses(), COMM, 3), 128, level), curve, 1e-9)
+    for peak, of in zip(sorted(listed, key=lambda peak: peak.omega), (low, high), strict=True):
+        assert peak.omega == pytest.approx(of.omega, rel=1e-6)
+        assert abs(peak.amplitude) == pytest.approx(abs(of.amplitude), rel=1e-8)
+
+
+def test_a_maximum_is_a_solution_where_the_guess_is_none(forward):
+    """At the frequency of the linear peak, between two points, from twice the linear motion, under which the pair slips."""
+    level = 123.024
+    curve, (peak,) = peaks(damper(), level, 1, 128)
+    problem = forced(*reduced(damper(), COMM, 1), 128, level)
+    ends = [min(curve.points, key=lambda point: abs(point.omega - omega)) for omega in (195.0, 235.0)]
+    before, after = (iterate_of(point, problem, Harmonics.up_to(1)) for point in ends)
+    U = 2.0 * problem.equation.linear_motion(problem.at((225.0,)))
+    scaling, every = Scaling(1e-5, (8.0,)), problem.equation.every_pair
+    corrector, system = Corrector(COMM, U.shape, 1e-9), BorderedSystem(problem, (), scaling, every)
+    solution = Maximum(0, 0, forward, (before, after)).correct(corrector, system, Iterate(U, (225.0,), before.harmonics))
+    again = corrector.correct(replace(system, constraints=(Plane.fixed_parameter(solution.iterate),)), solution.iterate)
+    assert solution.failure is None and again.failure is None and again.newton == 0
+    out = output_at(problem.equation, problem.at(solution.iterate.parameters), solution.iterate.U, every, 0)
+    assert abs(out) == pytest.approx(abs(peak.amplitude), rel=1e-5)
+    corrector.destroy()
+
+
+def peaks_at(level, down):
+    """Return a curve of the two masses and its peaks."""
+    curve = branch(two_masses(), COMM, level, points=150, down=down)
+    assert curve.failure is None
+    return curve, peaks_of(forced(*reduced(two_masses(), COMM, 3), 128, level), curve, 1e-9)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from oracles.shooting import Point as Shooting
 
 import microslip
 from microslip.continuation.bifurcations import bifurcations_of, kind_of
-from microslip.continuation.peaks import iterate_of
+from microslip.continuation.branch_points import iterate_of
 from microslip.continuation.point_record import DOUBTFUL, with_stability
 from microslip.fourier.harmonics import Harmonics
 from microslip.points.bifurcation import FOLD, NEIMARK_SACKER, PERIOD_DOUBLING

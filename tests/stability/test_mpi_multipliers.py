@@ -10,7 +10,7 @@ from scipy.optimize import root
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.contact.law import ContactCycle
-from microslip.continuation.peaks import iterate_of
+from microslip.continuation.branch_points import iterate_of
 from microslip.fourier.coefficients import analysis_matrix, synthesis_matrix
 from microslip.fourier.harmonics import Harmonics
 from microslip.receptance.damping import Damping

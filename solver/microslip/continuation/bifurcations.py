@@ -16,11 +16,11 @@ from ..points.multipliers import BEYOND, n_unstable
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
 from ..stability.multipliers import N_STEPS, multipliers_at
+from .branch_points import equation_at, harmonics_of, iterate_of
 from .constraint_rows import Plane, Scaling
 from .corrector import BorderedSystem
 from .iterate import Iterate
 from .outputs import outputs_at
-from .peaks import equation_at, harmonics_of, iterate_of
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
 

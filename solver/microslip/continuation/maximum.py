@@ -7,22 +7,19 @@ leave a curve of solutions, on which the maximum is enclosed between a solution 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..contact.law import STICK
-from ..error_estimate.estimate import output_amplitude, sensitivity
 from ..harmonic.adjoint_solver import AdjointSolver
-from ..harmonic.linearisation import Linearisation
 from .constraint_rows import Plane
 from .corrector import BorderedSystem, Correction, Corrector
 from .iterate import Iterate
+from .output_rates import Rates, output_rates
 from .outputs import output_at
 
 EXACT = 1e-8  # relative tolerance of the linear solves for rates
-DIFFERENCE = 1e-3  # of the unit of a parameter, over which rates at fixed forces are differences of the fourth order
 MOST_SOLUTIONS = 40
 CLOSE = 1e-3  # share of the first interval within which a corner is enclosed
 CLOSEST = 1e-12  # share of it that is divided no further
@@ -58,15 +55,6 @@ class Sample:
 
 
 @dataclass(frozen=True, eq=False)
-class Rates:
-    """An output at a solution, and how it and the motion change with the k parameters, others fixed; parameters are scaled."""
-
-    a: np.ndarray  # (2,) cosine and sine
-    a_nu: np.ndarray  # (k, 2)
-    V: np.ndarray  # (k, n_owned, 3, N_H) dU / d nu, in the unit of the motion
-
-
-@dataclass(frozen=True, eq=False)
 class Maximum:
     """The amplitude of harmonic 1 of an output is at a maximum over the frequency, other parameters fixed."""
 
@@ -83,33 +71,8 @@ class Maximum:
         return _Search(self, corrector, system).maximum(guess)
 
     def rates(self, system: BorderedSystem, there: Iterate) -> Rates | None:
-        """Return the output and its rates at a solution, eq. (7.7), dU/dnu = -J^-1 dr/dnu; None if J is singular.  Collective."""
-        problem, units, scaling = system.problem, np.array(system.scaling.parameters), system.scaling
-        at = problem.at(there.parameters)
-        equation = system.equation.under(at)
-        model, N_H = equation.model_at(at), equation.model.N_H
-        rows = [self.output, model.n_outputs + self.output]
-        linear = Linearisation.of(equation, at, equation.contact_forces(there.U, system.selected, tangents=True))
-        p, rates = equation.full_force(linear.forces), problem.rates(there.parameters)
-        right = np.stack([-unit * equation.gather(linear.rate(rate)).reshape(-1, N_H) for rate, unit in zip(rates, units)])
-        V, P_V, is_solved = linear.solve_several(right, self.forward)
-        B = sensitivity(model, at.omega)[rows][:, equation.model.owned_rows]
-        by_motion = equation.agreed_sum(-P_V @ B.reshape(2, -1).T)
-
-        def amplitude(nu: np.ndarray) -> np.ndarray:
-            """Return the output at other parameters under the same forces."""
-            beside = problem.at(tuple(map(float, there.parameters + nu * units)))
-            return output_amplitude(equation.model_at(beside), beside, p)[rows]
-
-        at_fixed_forces = np.array([rate_along(amplitude, direction) for direction in np.eye(len(units))])
-        V = V.reshape(len(V), *equation.shape) / scaling.U
-        return Rates(amplitude(np.zeros(len(units))), at_fixed_forces + by_motion, V) if is_solved else None
-
-
-def rate_along(f: Callable[[np.ndarray], np.ndarray], direction: np.ndarray) -> np.ndarray:
-    """Return the derivative of ``f`` at 0 along a direction, by differences of the fourth order."""
-    h = DIFFERENCE * direction
-    return (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * DIFFERENCE)
+        """Return the output and its rates at a solution; None if the Jacobian is singular.  Collective."""
+        return output_rates(system, there, [self.output], self.forward)
 
 
 class _Search:
@@ -124,14 +87,18 @@ class _Search:
 
     def maximum(self, guess: Iterate) -> Correction:
         """Return the maximum; about the highest of some solutions where pairs slip or a guess alone does not lead to it."""
-        fixed = np.zeros(len(guess.parameters))
-        fixed[self.row.omega] = 1.0
-        at_frequency = Plane(guess, np.zeros_like(guess.U), tuple(fixed))
         if len(self.row.neighbours) != 2:
-            return self.from_guess(guess, at_frequency)
+            return self.from_guess(guess, self.at_frequency(guess))
+        first = self.solved(guess, self.at_frequency(guess))
+        if first.failure is not None:  # as from the linear motion where pairs slip
+            higher = max(self.row.neighbours, key=self.size)
+            first = self.solved(higher, self.at_frequency(higher))
+        if first.failure is not None:
+            return first
+        guess = first.iterate
         before, after = ((there, self.size(there)) for there in self.row.neighbours)
         if not any(map(self.slips, (guess, *self.row.neighbours))):
-            maximum = self.from_guess(guess, at_frequency)
+            maximum = self.from_guess(guess, self.at_frequency(guess))
             is_higher = self.is_as_high(maximum, self.size(guess))
             if is_higher and not self.slips(maximum.iterate):
                 return maximum
@@ -139,7 +106,7 @@ class _Search:
         size = self.size(guess)
         row = self.narrowed([before, (guess, size), after], DIVISIONS)
         if row is None:
-            return self.from_guess(guess, at_frequency)
+            return self.from_guess(guess, self.at_frequency(guess))
         maximum = self.within(row)
         highest = self.size(maximum.iterate)
         if size < WIDE * highest:
@@ -147,6 +114,10 @@ class _Search:
             if row is not None and row[1][1] > highest:
                 maximum = self.within(row)
         return self.on_higher_piece(maximum)
+
+    def at_frequency(self, about: Iterate) -> Plane:
+        """Return the plane of the frequency of a place.  Local."""
+        return Plane(about, np.zeros_like(about.U), tuple(np.eye(len(about.parameters))[self.row.omega]))
 
     def on_higher_piece(self, maximum: Correction) -> Correction:
         """Return the highest solution of a piece of the curve that overlaps the one of a maximum, where that is higher.
@@ -271,9 +242,7 @@ class _Search:
             return None
         parameters = tuple(float(p + share * (q - p)) for p, q in zip(a.parameters, b.parameters))
         about = replace(a, U=a.U + share * (b.U - a.U), parameters=parameters)
-        system = replace(self.system, constraints=(replace(chord, about=about), *self.system.constraints))
-        solution = self.corrector.correct(system, about)
-        self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
+        solution = self.solved(about, replace(chord, about=about))
         return solution.iterate if solution.failure is None else None
 
     def chord(self, a: Iterate, b: Iterate) -> Plane | None:
@@ -306,16 +275,21 @@ class _Search:
 
     def sample(self, guess: Iterate, plane: Plane, t: float = 0.0) -> tuple[Sample | None, Correction]:
         """Return the solution on a plane across the curve, None where there is none; the first one makes the coordinate."""
-        system = replace(self.system, constraints=(plane, *self.system.constraints))
-        solution = self.corrector.correct(system, guess)
-        self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
+        solution = self.solved(guess, plane)
         if solution.failure is None:
-            rates = self.row.rates(system, solution.iterate)
+            rates = self.row.rates(self.system, solution.iterate)
             if rates is not None:
                 self.solution = solution
                 return self.along(solution.iterate, rates, t), solution
             solution = replace(solution, failure="the linearisation is singular")
         return None, replace(solution, newton=self.newton, krylov=self.krylov)
+
+    def solved(self, guess: Iterate, plane: Plane) -> Correction:
+        """Return the solution on a plane, from a guess.  Collective."""
+        system = replace(self.system, constraints=(plane, *self.system.constraints))
+        solution = self.corrector.correct(system, guess)
+        self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
+        return solution
 
     def along(self, there: Iterate, rates: Rates, t: float) -> Sample:
         """Return a solution as a sample of the curve."""

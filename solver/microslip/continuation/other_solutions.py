@@ -15,6 +15,7 @@ from ..messages.errors import ConvergenceError
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
+from .branch_points import equation_at, harmonics_of, iterate_of
 from .constraint_rows import Plane
 from .corrector import BorderedSystem, Correction
 from .deflation import DeflatedCorrector
@@ -22,7 +23,7 @@ from .follow import follow_branch
 from .iterate import Iterate
 from .levels import ResponseProblem, follow_level, most_points
 from .maximum_by_phase import rotated
-from .peaks import FromSolution, equation_at, harmonics_of, iterate_of
+from .peaks import FromSolution
 from .point_record import Unbalanced, point_record, with_stability
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, KnownCurve, LevelHomotopy

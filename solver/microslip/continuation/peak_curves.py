@@ -19,13 +19,15 @@ from ..points.sweep import Sweep
 from ..receptance.motions import linear_motion, output_motion
 from ..receptance.reduced_model import ReducedModel
 from .accuracy import Accuracy, accuracy_of
+from .branch_points import harmonics_of, iterate_of
 from .checkpointer import NO_CHECKPOINTS, Checkpointer, finished_or
 from .follow import follow_branch
 from .iterate import Iterate
 from .levels import ResponseProblem, linear_curve, most_points
-from .peaks import PeakPath, follow_peak, harmonics_of, iterate_of, maxima, nobody, with_value
+from .peaks import PeakPath, follow_peak, nobody, with_value
 from .problems import ForcedResponse
 from .resonances import FAINT_PEAK
+from .tops import maxima
 
 STUCK = 0.9  # of the level from which the first pair slips at a linear peak: all stick there
 UNDAMPED = 1e-7  # damping ratio of a linear peak below which it is that of no damping: a width found by its samples

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from ..contact.law import STICK
 from ..error_estimate.estimate import ErrorEstimator, output_amplitude
 from ..error_estimate.sensitivities import sensitivities_of
 from ..fourier.amplitudes import to_complex
-from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
@@ -21,6 +20,7 @@ from ..points.selection import AllPairs
 from ..points.sensitivities import COMMON, NUMBERS, of_size
 from ..points.sweep import Sweep
 from .accuracy import Accuracy
+from .branch_points import equation_at, harmonics_of, iterate_of
 from .checkpointer import NO_CHECKPOINTS, Checkpointer
 from .constraint_rows import EnclosedRow
 from .corrector import BorderedSystem
@@ -29,17 +29,18 @@ from .iterate import Iterate, interpolate
 from .maximum import EXACT, Maximum
 from .maximum_by_phase import MaximumByPhase
 from .outputs import outputs_at
-from .point_record import HELD
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, KnownCurve, LinearResponse, ProblemBase
 from .steps import ArcLength, LinearCurve
 from .task import BranchTask
+from .tops import Top, between_points, hidden, maxima
 
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
 STEPS_OF_LEADS = replace(STEPS_OF_PEAKS, ds_min=1e-2)  # no shorter ones where a curve leads on otherwise
 MOST_POINTS = 1000
 BESIDE, FARTHER = 1e-3, 0.05  # of its half-power width, at which derivatives are taken on both sides of a peak: of size; of place
 TURNED = 0.25 * np.pi  # rad, of the motion of pairs over the half-power width of a peak of the mode that moves them
+SAME, SAME_MOTION = 1e-5, 1e-2  # of frequency and amplitude, and of the motion, by which one peak may differ from itself
 MANY_SAMPLES = 1024  # from which the error of the place, of second order in that distance, is above that of the corners
 FARTHER_BY = 50.0 ** (1.0 / 3.0)  # from one to the other, so that each solution leads to the next
 
@@ -123,16 +124,6 @@ class FromSolution(LinearResponse):
         return self.solution.on(self.problem.equation.harmonics)
 
 
-@dataclass(frozen=True)
-class Top:
-    """A place of a branch where an output is higher than at two points about it: a third point, or the linear response."""
-
-    output: int
-    between: tuple[int, int]  # numbers of the two points
-    point: int  # between them, or one of them
-    omega: float | None = None  # rad/s, of the linear response; None: that point
-
-
 def peaks_of(
     problem: ForcedResponse, branch: Branch, tolerance: float, sensitivities: bool = False, curve: LinearCurve | None = None
 ) -> list[Peak]:
@@ -146,12 +137,28 @@ def peaks_of(
     if curve is not None:
         comm = problem.equation.comm
         tops += comm.bcast(between_points(branch, curve) if comm.rank == 0 else [])
-        tops.sort(key=lambda top: (top.output, top.between))
-    forward = AdjointSolver(problem.equation.comm, EXACT, np.float64)
+    tops += hidden(problem, branch, curve)
+    tops.sort(key=lambda top: (top.output, top.between))
+    forward, solved = AdjointSolver(problem.equation.comm, EXACT, np.float64), list[tuple[Peak, Iterate]]()
     try:
-        return [peak_about(problem, branch, top, tolerance, forward, sensitivities) for top in tops]
+        for top in tops:
+            peak = peak_about(problem, branch, top, tolerance, forward, sensitivities)
+            if peak is not None and not any(is_same(problem.equation, peak, other) for other in solved):
+                solved.append(peak)
     finally:
         forward.destroy()
+    return [peak for peak, _ in solved]
+
+
+def is_same(equation: HarmonicBalance, a: tuple[Peak, Iterate], b: tuple[Peak, Iterate]) -> bool:
+    """Return whether two peaks are one, as where a branch goes back on itself.  Collective."""
+    (p, at_p), (q, at_q) = a, b
+    is_near = abs(p.omega / q.omega - 1.0) <= SAME and abs(abs(p.amplitude / q.amplitude) - 1.0) <= SAME
+    if p.output != q.output or not is_near:
+        return False
+    U, V = (there.U[..., there.harmonics.vibration] for there in (at_p, at_q.on(at_p.harmonics)))
+    distance, size = equation.agreed_sum(np.array([np.sum((U - V) ** 2), np.sum(U**2)]))
+    return bool(distance <= SAME_MOTION**2 * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,43 +242,12 @@ def turns(equation: HarmonicBalance, stuck: Peak, begin: OperatingPoint) -> bool
     return abs(np.angle(equation.comm.allreduce(complex(np.vdot(above, below))))) > TURNED
 
 
-def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
-    """Yield the outputs and the numbers of the points at which they are higher than at both neighbours.  Local."""
-    if not branch.points:
-        return
-    sizes = np.array([np.hypot(*point.response[:, 1:3].T) for point in branch.points])  # (n_points, n_outputs)
-    segment = np.array([point.segment for point in branch.points])
-    inner = (segment[:-2] == segment[1:-1]) & (segment[1:-1] == segment[2:])
-    tops = inner[:, None] & (sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])
-    for output, i in np.argwhere(tops.T):
-        yield int(output), int(i) + 1
-
-
-def between_points(branch: Branch, curve: LinearCurve) -> list[Top]:
-    """Return the maxima of the linear response between consecutive points at which all pairs stick, none of them a maximum.
-
-    Local, on rank 0.
-    """
-    tops, points, known = [], branch.points, set(maxima(branch))
-    sticks = [not (point.state.any() or point.p[..., 1:].any()) for point in points]  # also every element of a pair
-    stuck = [i for i in range(len(points) - 1) if all(sticks[i : i + 2]) and points[i].segment == points[i + 1].segment]
-    sizes = branch.level * np.hypot(curve.response[..., 1], curve.response[..., 2])  # (n, n_outputs)
-    inner = sizes[1:-1]
-    for k, output in np.argwhere((inner > sizes[:-2]) & (inner >= sizes[2:])):
-        omega, size = float(curve.omega[k + 1]), inner[k, output]
-        for i in stuck:
-            ends = points[i : i + 2]
-            is_between = min(end.omega for end in ends) < omega < max(end.omega for end in ends)
-            is_higher = all(np.hypot(*end.response[output, 1:3]) < size for end in ends)
-            if is_between and is_higher and not known & {(output, i), (output, i + 1)}:
-                tops.append(Top(int(output), (i, i + 1), i, omega))
-    return tops
-
-
 def peak_about(
     problem: ForcedResponse, branch: Branch, top: Top, tolerance: float, forward: AdjointSolver, sensitivities: bool = False
-) -> Peak:
-    """Return the maximum of an output about a top of a branch; that point where none is reached.  Collective.
+) -> tuple[Peak, Iterate] | None:
+    """Return the maximum of an output about a top of a branch, and its motion.  Collective.
+
+    Where none is reached, the point of the top; None where a slope shows the top and the search ends at none that is higher.
 
     With the harmonics and samples of the point, and its mean slip held if it is there.
     """
@@ -294,12 +270,15 @@ def peak_about(
         there, newton, within = (solved, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
         forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
         amplitude = complex(outputs_at(equation, at, forces)[output])
+        ends = [float(np.hypot(*branch.points[k].response[output, 1:3])) for k in top.between]
+        if top.is_hidden and (solution.failure or abs(amplitude) <= (1.0 + tolerance) * max(ends)):
+            return None
         width = half_power_width(branch, output, top.between, at.omega, abs(amplitude))
         derivatives = about_a_peak(solver, there, output, width, within) if sensitivities else (None, None)
     finally:
         workspace.destroy()
     slipping = int(np.count_nonzero(equation.gather(forces.state) != STICK))
-    return Peak(output, at.omega, amplitude, width, within, slipping, newton, point.segment, *derivatives)
+    return Peak(output, at.omega, amplitude, width, within, slipping, newton, point.segment, *derivatives), there
 
 
 def about_a_peak(
@@ -349,27 +328,6 @@ def about_a_peak(
     d = np.stack([at_peak[0], at_peak[1] + at_peak[1, -1] * shift, shift / (2.0 * np.pi)])
     d[:, -1] = 0.0
     return d[:, : -len(COMMON)].reshape(3, len(NUMBERS), -1), d[:, -len(COMMON) :]
-
-
-def iterate_of(point: Point, problem: ProblemBase, harmonics: Harmonics) -> Iterate:
-    """Return a point of a branch in some harmonics.  Collective: one broadcast."""
-    model = problem.equation.model
-    U = model.comm.bcast(point.U if model.comm.rank == 0 else None)
-    U = Harmonics.full(U.shape[-1]).carry(U, harmonics) if U.size else np.zeros((0, 3, harmonics.n_coefficients))
-    return Iterate(U[model.owned], point.parameters or (point.omega,), harmonics)
-
-
-def equation_at(point: Point, equation: HarmonicBalance, harmonics: Harmonics) -> HarmonicBalance:
-    """Return the equation with the samples of a point, and with its mean slip held if that of the point is.  Local."""
-    equation = equation.resolved(harmonics, point.samples)
-    return equation.holding(np.zeros((equation.n_owned, 2)) if HELD in point.notes else None)
-
-
-def harmonics_of(branch: Branch, point: Point, otherwise: Harmonics) -> Harmonics:
-    """Return the harmonics of a point: those of the equation, or those that the accuracy chose.  Local."""
-    if branch.odd:
-        return Harmonics.odd_up_to(point.harmonics)
-    return otherwise if otherwise.highest == point.harmonics else Harmonics.up_to(point.harmonics)
 
 
 def half_power_width(branch: Branch, output: int, between: tuple[int, int], omega: float, amplitude: float) -> float:

@@ -13,8 +13,8 @@ from ..continuation.grid import solved_at, task_at
 from ..continuation.levels import ResponseProblem, follow_level, response_problem
 from ..continuation.peak_at import PeakPoint, Starts, peak_near
 from ..continuation.peak_curves import linear_peaks
-from ..continuation.peaks import maxima
 from ..continuation.point_record import HELD
+from ..continuation.tops import maxima
 from ..continuation.ways_out import MOSTLY
 from ..formats.measured import Measured
 from ..fourier.harmonics import Harmonics

@@ -18,12 +18,12 @@ import numpy as np
 from ..contact.law import OPEN, SLIP, STICK
 from ..continuation.acceptance import judged
 from ..continuation.accuracy import Memory, Resolution, accuracy_of
+from ..continuation.branch_points import harmonics_of, iterate_of
 from ..continuation.corrector import Correction
 from ..continuation.iterate import Iterate
 from ..continuation.levels import ResponseProblem, follow_level, linear_curve
 from ..continuation.peak_at import PeakPoint, Starts, peak_near
 from ..continuation.peak_curves import linear_peaks
-from ..continuation.peaks import harmonics_of, iterate_of
 from ..continuation.point_record import HELD, point_record
 from ..continuation.problems import ForcedResponse
 from ..continuation.ways_out import MOSTLY

@@ -1,0 +1,157 @@
+"""Where outputs have a maximum along a curve, by its points (docs/theory.md, section 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import KroghInterpolator
+
+from ..harmonic.adjoint_solver import AdjointSolver
+from ..points.branch import Branch, Point
+from .branch_points import equation_at, harmonics_of, iterate_of
+from .constraint_rows import Scaling
+from .corrector import BorderedSystem
+from .output_rates import output_rates
+from .problems import ForcedResponse
+from .steps import LinearCurve
+
+LEAST_CHANGE = 1e-3  # of the logarithm of an amplitude over half of the way between its neighbours, below which corners decide
+MARGIN = 2.0  # times what parabolas differ by, above which their slope is known by sign
+UNIT = 1e-3  # of the frequency, the unit of derivatives by it
+TINY = 1e-300  # m2
+
+
+@dataclass(frozen=True)
+class Top:
+    """A place of a branch about which an output has a maximum."""
+
+    output: int
+    between: tuple[int, int]  # numbers of two points
+    point: int  # a third one that is higher; or, by its slope or for the linear response, one of them
+    omega: float | None = None  # rad/s, of the linear response; None: that point
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether the slope at a point shows it."""
+        return self.omega is None and self.point in self.between
+
+
+def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
+    """Yield the outputs and the numbers of the points at which they are higher than at both neighbours.  Local."""
+    if not branch.points:
+        return
+    sizes = np.array([np.hypot(*point.response[:, 1:3].T) for point in branch.points])  # (n_points, n_outputs)
+    segment = np.array([point.segment for point in branch.points])
+    inner = (segment[:-2] == segment[1:-1]) & (segment[1:-1] == segment[2:])
+    tops = inner[:, None] & (sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])
+    for output, i in np.argwhere(tops.T):
+        yield int(output), int(i) + 1
+
+
+def between_points(branch: Branch, curve: LinearCurve) -> list[Top]:
+    """Return the maxima of the linear response between consecutive points at which all pairs stick, none of them a maximum.
+
+    Local, on rank 0.  The points may be higher, as between two antiresonances.
+    """
+    tops, points, known = [], branch.points, set(maxima(branch))
+    stuck = [i for i, (a, b) in enumerate(zip(points, points[1:])) if sticks(a) and sticks(b) and a.segment == b.segment]
+    sizes = np.hypot(curve.response[..., 1], curve.response[..., 2])  # (n, n_outputs)
+    for k, output in np.argwhere((sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])):
+        omega = float(curve.omega[k + 1])
+        for i in stuck:
+            ends = points[i : i + 2]
+            is_between = min(end.omega for end in ends) < omega < max(end.omega for end in ends)
+            if is_between and not known & {(output, i), (output, i + 1)}:
+                tops.append(Top(int(output), (i, i + 1), i, omega))
+    return tops
+
+
+def sticks(point: Point) -> bool:
+    """Return whether every element of every pair sticks at a point, which is one of the linear response.  Local, on rank 0."""
+    return not (point.state.any() or point.p[..., 1:].any())
+
+
+def hidden(problem: ForcedResponse, branch: Branch, curve: LinearCurve | None) -> list[Top]:
+    """Return the maxima between two consecutive points that amplitudes at points do not show, by slopes.  Collective.
+
+    Where an output falls at a point that is higher than the one before, the maximum lies before the point; where it rises at a
+    point that is higher than the next one, behind it.
+    """
+    comm, tops = problem.equation.comm, []
+    open_points = comm.bcast(undecided(branch, curve is not None) if comm.rank == 0 else [])
+    forward = AdjointSolver(comm)
+    try:
+        for i, way, trends in open_points:
+            changes = way * slopes_at(problem, branch, i, list(trends), forward)
+            for (output, trend), change in zip(trends.items(), changes):
+                if change * trend < -LEAST_CHANGE:
+                    tops.append(Top(output, (i - 1, i) if trend > 0.0 else (i, i + 1), i))
+    finally:
+        forward.destroy()
+    return tops
+
+
+def undecided(branch: Branch, has_linear: bool) -> list[tuple[int, float, dict[int, float]]]:
+    """Return points at which slopes may be against the trend of amplitudes; half of the step [rad/s]; outputs and their trends.
+
+    Local, on rank 0.  Points that are a maximum or a minimum decide nothing, nor do those at which the frequency turns back, as
+    its direction along the branch is not known there.  Nor is a slope needed that three parabolas through the output at a point
+    and two others near by, over the arc length, agree about; or, ``has_linear``, between points at which all pairs stick.
+    """
+    points = branch.points
+    if len(points) < 3:
+        return []
+    a = np.array([point.response[:, 1] - 1j * point.response[:, 2] for point in points])  # (n_points, n_outputs)
+    omega, s = np.array([point.omega for point in points]), arc_of(branch)
+    cases = []
+    for i in range(len(points)):
+        near = [k for k in range(i - 1, i + 2) if 0 <= k < len(points) and points[k].segment == points[i].segment]
+        steps = np.diff(omega[near])
+        if len(near) < 2 or steps.min() * steps.max() <= 0.0 or (has_linear and all(sticks(points[k]) for k in near)):
+            continue
+        trend = np.sign(np.diff(np.abs(a[near]), axis=0)).sum(axis=0) / (len(near) - 1)
+        has_room = np.abs(trend) == 1.0 if len(near) == 3 else trend == (1.0 if near[1] == i else -1.0)
+        estimates = slopes_of_parabolas(s, a, i, points)
+        agrees = np.zeros(a.shape[1], dtype=bool)
+        if len(estimates) == 3:
+            agrees = estimates[1] * trend > MARGIN * np.ptp(estimates, axis=0)
+        trends = {int(output): float(trend[output]) for output in np.flatnonzero(has_room & ~agrees)}
+        if trends:
+            cases.append((i, 0.5 * float(omega[near[-1]] - omega[near[0]]), trends))
+    return cases
+
+
+def arc_of(branch: Branch) -> np.ndarray:
+    """Return the arc length at the points of a branch, in the norm of steps.  Local, on rank 0."""
+    omega, U = np.array([point.omega for point in branch.points]), [point.U[..., 1:] for point in branch.points]
+    motions = [np.linalg.norm(b - a) / (np.linalg.norm(b) or 1.0) for a, b in zip(U, U[1:])]
+    return np.concatenate([[0.0], np.cumsum(np.hypot(motions, np.diff(omega) / (np.ptp(omega) or 1.0)))])
+
+
+def slopes_of_parabolas(s: np.ndarray, a: np.ndarray, i: int, points: list[Point]) -> np.ndarray:
+    """Return |a|' |a| at point i by parabolas of complex ``a`` over ``s`` that end there, contain it or begin there.  Local.
+
+    (n, n_outputs), without those that reach beyond the segment of the point or have two points in one place.
+    """
+    sets = [np.arange(k, k + 3) for k in (i - 2, i - 1, i) if 0 <= k < len(points) - 2]
+    sets = [k for k in sets if points[k[0]].segment == points[k[2]].segment and np.diff(s[k]).min() > 0.0]
+    rates = [KroghInterpolator(s[k] - s[i], a[k]).derivative(0.0) for k in sets]
+    return np.array([(a[i].conj() * rate).real for rate in rates])
+
+
+def slopes_at(problem: ForcedResponse, branch: Branch, number: int, outputs: list[int], forward: AdjointSolver) -> np.ndarray:
+    """Return the derivatives of the logarithms of amplitudes of outputs by the frequency at a point [s/rad].  Collective.
+
+    0 where the linearisation is singular.
+    """
+    point = branch.points[number]
+    harmonics = harmonics_of(branch, point, problem.equation.harmonics)
+    equation = equation_at(point, problem.equation, harmonics)
+    system = BorderedSystem(problem.with_equation(equation), (), Scaling(1.0, (UNIT * point.omega,)), equation.every_pair)
+    rates = output_rates(system, iterate_of(point, problem, harmonics), outputs, forward)
+    if rates is None:
+        return np.zeros(len(outputs))
+    a, a_nu = rates.a.reshape(2, -1), rates.a_nu[0].reshape(2, -1)
+    return equation.comm.bcast((a * a_nu).sum(axis=0) / np.maximum((a**2).sum(axis=0), TINY) / (UNIT * point.omega))
