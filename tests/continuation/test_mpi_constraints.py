@@ -12,7 +12,7 @@ from oracles import scenes
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
-from microslip.continuation.maximum import rate_along
+from microslip.continuation.output_rates import rate_along
 from microslip.continuation.problems import ProblemBase
 from microslip.error_estimate.estimate import output_amplitude, sensitivity
 from microslip.harmonic.balance import HarmonicBalance
