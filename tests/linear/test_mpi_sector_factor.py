@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from microslip.library.build import assembled, factor_of
 from microslip.linear.dense import diagonal_owned, multiply
-from microslip.linear.sector_factor import negative_eigenvalues, packed_cholesky, packed_solve
+from microslip.linear.sector_factor import negative_eigenvalues, packed_cholesky, packed_gram, packed_solve
 from microslip.modes.lapack import gathered
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
@@ -22,7 +22,7 @@ COMM, N = MPI.COMM_WORLD, 5
 END = "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [1400.0, 1410.0]\npoints = 3\n[solver]\nmodes = 4\n"
 
 
-@pytest.mark.parametrize("how", [{}, {"shroud": True}])
+@pytest.mark.parametrize("how", [{}, {"shroud": True}, {"span": 12}, {"shroud": True, "span": 16}])
 def test_solves_entries_and_counts_are_those_of_the_matrix(shared_path, how):
     log = RunLog(COMM, screen=False)
     parts = assembled(read_scene(on_root(COMM, lambda: write_sector(shared_path, N, END, how=how))), COMM, log)
@@ -47,10 +47,21 @@ def test_solves_entries_and_counts_are_those_of_the_matrix(shared_path, how):
             sigma = 0.5 * (omega2[n * copies] + (omega2[n * copies - 1] if n else 0.0))
             assert linearised.factor.solver.count_below(sigma) == n
         rows = np.unique(linearised.system.R.indices)
-        entries = linearised.factor.inverse_entries(rows, rows[::3])
-        if COMM.rank == 0 and entries is not None:  # too many rows of the joint are eliminated with the others
-            inverse = np.linalg.inv(K)[np.ix_(rows, rows[::3])]
-            np.testing.assert_allclose(entries, inverse, atol=1e-10 * np.abs(inverse).max())
+        entries, is_there = linearised.factor.inverse_entries(rows, rows[::3]), "span" in how  # else too many rows of the joint
+        assert (entries is not None) is is_there
+        R, some = linearised.system.R.tocsr(), sp.random(7, len(rows), 0.5, format="csr", random_state=d)
+        others = (some @ sp.identity(len(K), format="csr")[rows]).tocsr()  # no complex map in real form
+        inverse = np.linalg.inv(K)
+        if COMM.rank == 0 and is_there:
+            exact = inverse[np.ix_(rows, rows[::3])]
+            np.testing.assert_allclose(entries, exact, atol=1e-10 * np.abs(exact).max())
+        for left, right in ((R, R), (R, R[::2]), (others, R), (R, others), (others, others)):
+            product = linearised.factor.flexibility(left, right.T.tocsc())
+            assert (product is not None) is is_there
+            if COMM.rank == 0 and is_there:
+                exact = left @ (right @ inverse).T
+                np.testing.assert_allclose(product, exact, atol=1e-10 * np.abs(exact).max())
+        assert linearised.factor.flexibility(sp.identity(len(K), format="csr"), R.T.tocsc()) is None  # eliminated rows
         linearised.destroy()
     sectors.destroy()
 
@@ -72,6 +83,8 @@ def test_solves_with_packed_factors_are_those_of_the_matrix(kind):
         L = packed_cholesky(S.copy(order="F"))
         assert len(L) == n * (n + 1) // 2
         np.testing.assert_allclose(S @ packed_solve(L, B), B, atol=1e-12)
+        np.testing.assert_allclose(packed_gram(L, B), B.conj().T @ packed_solve(L, B), atol=1e-14)
         assert packed_cholesky(np.asfortranarray(-S)) is None
     nothing = np.zeros((0, 0), dtype=kind)
     assert packed_solve(packed_cholesky(nothing), np.zeros((0, 2), dtype=kind)).shape == (0, 2)
+    assert not packed_gram(packed_cholesky(nothing), np.zeros((0, 2), dtype=kind)).any()

@@ -20,6 +20,7 @@ from .mumps import SINGULAR
 from .ordering import Elimination
 from .random_signs import random_signs
 from .rigid_modes import InertiaRelief, rigid_modes
+from .sector_factor import DiameterFactor
 from .soft_modes import SoftModes
 
 if TYPE_CHECKING:
@@ -215,6 +216,15 @@ class Factor:
         if self.soft_modes is not None:
             return None
         return self.solver.inverse_entries(rows, columns)
+
+    def flexibility(self, left: sp.csr_matrix, right: sp.csc_matrix) -> np.ndarray | None:
+        """Return left @ A^-1 @ right of a nodal diameter, (m_l, m_r) on rank 0, (0, 0) elsewhere; unchecked.
+
+        Collective.  None, on every rank, for other factors, and where ``inverse_entries`` are None.
+        """
+        if self.soft_modes is not None or not isinstance(self.solver, DiameterFactor):
+            return None
+        return self.solver.flexibility(left, right)
 
     def _checked(self, B_owned: np.ndarray | sp.csc_matrix, X_owned: np.ndarray, start: float) -> np.ndarray:
         """Return X, refined once where that can help; raise if its residual stays too large.  Collective."""

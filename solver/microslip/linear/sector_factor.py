@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from petsc4py import PETSc
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from ..assembly.sectors import Sectors
 from ..guards.memory import refuse_beyond
@@ -240,21 +240,15 @@ class SectorFactor:
         inverse_L = _substituted(L_j, np.eye(len(L_j)))
         return inverse_L.T @ inverse_L, -(inverse_L.T @ X)
 
-    def fixed_faces(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return entries of S^-1 with fixed faces between rows (k,) and (l,) of the boundary, (k, l).  Local, rank 0."""
-        of_joint, n_j = self._of_joint[0], len(self.boundary.joint)
-        rows_j, columns_j = np.flatnonzero(rows < n_j), np.flatnonzero(columns < n_j)
-        entries = np.zeros((len(rows), len(columns)))
-        entries[np.ix_(rows_j, columns_j)] = of_joint[np.ix_(rows[rows_j], columns[columns_j])]
-        return entries
+    def with_fixed_faces(self, left: sp.csr_matrix, right: sp.csc_matrix) -> np.ndarray:
+        """Return left @ S^-1 @ right with fixed faces, (m_l, m_r), for maps of the boundary.  Local, rank 0."""
+        n_j = len(self.boundary.joint)
+        return (right[:n_j].T @ (left[:, :n_j] @ self._of_joint[0]).T).T
 
-    def with_faces(self, rows: np.ndarray) -> np.ndarray:
-        """Return the motion of rows (k,) of the boundary with that of the faces, (k, n_f).  Local, rank 0."""
-        n_j, is_of_joint = len(self.boundary.joint), rows < len(self.boundary.joint)
-        motion = np.zeros((len(rows), len(self.boundary.faces)))
-        motion[is_of_joint] = self._of_joint[1][rows[is_of_joint]]
-        motion[np.flatnonzero(~is_of_joint), rows[~is_of_joint] - n_j] = 1.0
-        return motion
+    def carried_by_faces(self, forces: sp.csc_matrix) -> np.ndarray:
+        """Return the forces on the faces that forces (n_j + n_f, m) on the boundary amount to, (n_f, m).  Local, rank 0."""
+        n_j = len(self.boundary.joint)
+        return (forces[:n_j].T @ self._of_joint[1]).T + forces[n_j:].toarray()
 
     def destroy(self) -> None:
         """Free the factor.  Collective."""
@@ -385,6 +379,16 @@ def packed_solve(L: np.ndarray, B: np.ndarray) -> np.ndarray:
     return X
 
 
+def packed_gram(L: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Return B^H S^-1 B, (m, m), as :func:`packed_solve` with half the products.  Local."""
+    if B.size == 0:
+        return np.zeros(2 * B.shape[1:], dtype=B.dtype)
+    is_complex = np.iscomplexobj(L)
+    Y = (lapack.ztfsm if is_complex else lapack.dtfsm)(1.0, L, np.asfortranarray(B, dtype=L.dtype), uplo="L")
+    G = blas.zherk(1.0, Y, trans=2) if is_complex else blas.dsyrk(1.0, Y, trans=1)
+    return G + np.triu(G, 1).conj().T
+
+
 @dataclass(eq=False)
 class DiameterFactor:
     """The factor of K_L(d), a :class:`.direct.DirectSolver`: that of the sector, and of the small Schur complement.
@@ -469,30 +473,49 @@ class DiameterFactor:
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return entries of A^-1 on rank 0, (0, 0) elsewhere; None where they belong to eliminated rows.  Collective."""
-        boundary, unfolding = self.of_sector.boundary, self.of_sector.sectors.unfolding
-        copies = 2 if self._is_complex else 1
-        of_boundary = boundary.rows
-        known = np.argsort(of_boundary)
-        seen, of_seen = np.unique(rows // copies, return_inverse=True)
-        forced, of_forced = np.unique(columns // copies, return_inverse=True)
-        at = [np.searchsorted(of_boundary[known], unfolding.rows_of_w(each)) for each in (seen, forced)]
-        for places, each in zip(at, (seen, forced)):
-            inside = np.minimum(places, len(known) - 1)
-            if not len(known) or (of_boundary[known][inside] != unfolding.rows_of_w(each)).any():
-                return None
+        unit = sp.identity((2 if self._is_complex else 1) * int(self.of_sector.sectors.unfolding.w_ranges[-1]), format="csr")
+        return self.flexibility(unit[rows], unit[columns].T.tocsc())
 
-        def entries() -> np.ndarray:
-            places, of_sector = [known[each] for each in at], self.of_sector
-            with_faces = [self._P.conj().T @ of_sector.with_faces(each).T for each in places]
-            G = of_sector.fixed_faces(*places) + with_faces[0].conj().T @ packed_solve(self._packed(), with_faces[1])
-            G = G[np.ix_(of_seen, of_forced)]
-            if not self._is_complex:
-                return G
-            a, b = (rows % 2)[:, None], (columns % 2)[None, :]
-            return np.where(a == b, G.real, np.where(a > b, G.imag, -G.imag))
+    def flexibility(self, left: sp.csr_matrix, right: sp.csc_matrix) -> np.ndarray | None:
+        """Return left @ A^-1 @ right, (m_l, m_r) on rank 0, (0, 0) elsewhere; None where the maps have eliminated rows.
 
-        G_boundary = on_root(self.of_sector.comm, entries, share=False)
-        return np.zeros((0, 0)) if G_boundary is None else G_boundary
+        Collective; unchecked.  The maps are the same on every rank.
+        """
+        if not self._is_complex:
+            return self._between(left, right)
+        rows, forces = left[:, 0::2] - 1j * left[:, 1::2], right[0::2] + 1j * right[1::2]  # left x = Re(rows w)
+        if rows.shape[0] % 2 or (rows[1::2] + 1j * rows[0::2]).nnz:
+            G = self._between(rows, forces)
+            return None if G is None else G.real
+        G = self._between(rows[0::2], forces)  # of a complex map in real form
+        return None if G is None else np.stack([G.real, G.imag], axis=1).reshape(2 * len(G), G.shape[1])
+
+    def _between(self, left: sp.csr_matrix, right: sp.csc_matrix) -> np.ndarray | None:
+        """Return left @ K_L(d)^-1 @ right as :meth:`flexibility`, complex where K_L(d) is, eq. (14.9).  Collective."""
+        of_left, of_right = self._on_boundary(left.conj().T.tocsc()), self._on_boundary(right)
+        if of_left is None or of_right is None:
+            return None
+
+        def product() -> np.ndarray:
+            of_sector, P_H = self.of_sector, self._P.conj().T
+            forces = P_H @ of_sector.carried_by_faces(of_right)
+            G = of_sector.with_fixed_faces(of_left.conj().T.tocsr(), of_right)
+            if of_left.shape == of_right.shape and not (of_left - of_right).nnz:
+                return G + packed_gram(self._packed(), forces)
+            motion = packed_solve(self._packed(), forces)
+            return G + (P_H @ of_sector.carried_by_faces(of_left)).conj().T @ motion
+
+        G = on_root(self.of_sector.comm, product, share=False)
+        return np.zeros((0, 0)) if G is None else G
+
+    def _on_boundary(self, forces: sp.csc_matrix) -> sp.csc_matrix | None:
+        """Return forces (n_w, m) on the boundary, (n_j + n_f, m); None where some act on other rows.  Local."""
+        rows, parts = self.of_sector.boundary.rows, forces.tocoo()
+        order, loaded = np.argsort(rows), self.of_sector.sectors.unfolding.rows_of_w(parts.row)
+        if not np.isin(loaded, rows).all():
+            return None
+        places = order[np.searchsorted(rows, loaded, sorter=order)]
+        return sp.csc_matrix((parts.data, (places, parts.col)), (len(rows), parts.shape[1]))
 
     def count_below(self, sigma: float) -> int:
         """Return how many eigenvalues of the nodal diameter lie below ``sigma``.  Collective."""

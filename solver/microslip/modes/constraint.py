@@ -114,19 +114,32 @@ def _by_inverse(
     seen, forced = np.unique(left.indices), np.unique(right.indices)
     if m <= _FEW or len(forced) > _MOST_ENTRIES * m or len(seen) > _MOST_ROWS * n_dof:
         return None
-    of_seen, of_forced = left[:, seen], right[forced]
-    product = np.zeros((left.shape[0], m))
+    product = factor.flexibility(left, right)
+    if product is None:
+        product = _by_entries(linearised, left, right, seen, forced)
+    if product is None:
+        return None
+    product = np.ascontiguousarray(product) if comm.rank == 0 else np.empty((left.shape[0], m))
+    comm.Bcast(product)
+    is_right = known is not None and comm.bcast(known.agree(product))
+    return product[rows] if is_right or _agrees(linearised, left, right, product) else None
+
+
+def _by_entries(
+    linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, seen: np.ndarray, forced: np.ndarray
+) -> np.ndarray | None:
+    """Return left @ K_L^-1 @ right on rank 0 from entries of K_L^-1 in the rows ``seen`` and columns ``forced``.  Collective."""
+    comm, of_seen, of_forced = linearised.system.comm, left[:, seen], right[forced]
+    product = np.zeros((left.shape[0], right.shape[1]))
     batch = max(int(_BATCH_BYTES / (8 * len(seen))), 1)
     for start in range(0, len(forced), batch):
         columns = slice(start, start + batch)
-        entries = factor.inverse_entries(seen, forced[columns])
+        entries = linearised.factor.inverse_entries(seen, forced[columns])
         if entries is None:
             return None
         if comm.rank == 0:
             product += (of_forced[columns].T @ (of_seen @ entries).T).T
-    comm.Bcast(product)
-    is_right = known is not None and comm.bcast(known.agree(product))
-    return product[rows] if is_right or _agrees(linearised, left, right, product) else None
+    return product
 
 
 def _agrees(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, product: np.ndarray) -> bool:
