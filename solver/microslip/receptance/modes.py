@@ -25,6 +25,11 @@ class ProjectedModes:
         C = None if self.C is None else self.C[:n, :n]
         return ProjectedModes(self.omega_n[:n], self.R_phi[:, :n], self.b[:n], self.o[:, :n], C)
 
+    def ordered(self, order: np.ndarray) -> ProjectedModes:
+        """Return the modes in another order, (m,) numbers of all.  Local."""
+        C = None if self.C is None else self.C[np.ix_(order, order)]
+        return ProjectedModes(self.omega_n[order], np.take(self.R_phi, order, 1), self.b[order], np.take(self.o, order, 1), C)
+
     def conjugated(self) -> ProjectedModes:
         """Return the modes of the complex conjugate matrices, as their conjugates.  Local."""
         C = None if self.C is None else self.C.conj()

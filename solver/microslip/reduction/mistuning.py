@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from ..linear.dense import gram, multiply
+from ..linear.dense import diagonal_owned, gram, multiply
 from ..messages.errors import CaseError
 from ..modes.eigen import Modes
 from ..parallel.agree import on_root
@@ -45,7 +45,7 @@ def with_static_shapes(stuck: Stuck, blades: tuple[PETSc.Mat, PETSc.Mat]) -> Stu
     first = slice(min(_SHAPED, stuck.n_modes))
     of_joint = stuck.pair_forces(stuck.pairs.law.stiffness.reshape(-1, 1) * stuck.projected.R_phi[:, first])
     given = sp.hstack([system.loads, system.outputs.conj().T], format="csr")[rows].toarray()
-    shapes = _on_nodes(stuck, blades[0])[:, first]
+    shapes = _on_nodes(stuck.using(first.stop), blades[0])
     T = _nodal(stuck)
     of_blades = [
         T.conj().T.tocsr()[rows] @ np.concatenate(comm.allgather(multiply(A, shapes.real) + 1j * multiply(A, shapes.imag)))
@@ -84,23 +84,26 @@ def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PET
     """
     copies = [1 if waves.is_real(d) else 2 for d in waves.diameters]
     ends = np.cumsum([0, *(m * each.n_modes for m, each in zip(copies, tuned))])
-    V: np.ndarray = np.empty((blades[0].getLocalSize()[0], ends[-1]), order="F")
+    of_blade = np.logical_or(*(diagonal_owned(matrix) > 0.0 for matrix in blades))
+    V: np.ndarray = np.empty((np.count_nonzero(of_blade), ends[-1]), order="F")
     for each, m, start in zip(tuned, copies, ends):
-        owned = _on_nodes(each, blades[0])
+        owned = _on_nodes(each, blades[0])[of_blade]
         V[:, start : start + each.n_modes] = owned.real
         if m == 2:
             V[:, start + each.n_modes : start + 2 * each.n_modes] = owned.imag
-    return [_form(tuned[0].comm, matrix, V, ends) for matrix in blades]
+    return [_form(tuned[0].comm, matrix, V, of_blade, ends) for matrix in blades]
 
 
-def _form(comm: MPI.Comm, matrix: PETSc.Mat, V: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return V^T A V, (M, M), of a symmetric A and this rank's rows of V; products with columns between ``ends`` one by one.
+def _form(comm: MPI.Comm, matrix: PETSc.Mat, V: np.ndarray, of_blade: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return V^T A V, (M, M), of a symmetric A and this rank's rows ``of_blade`` of V; the others of A are empty.
 
-    Collective: a product for each block of columns.
+    Collective: a product for each block of columns, between ``ends``.
     """
     form = np.empty((V.shape[1], V.shape[1]))
     for start, end in pairwise(ends):
-        form[:end, start:end] = gram(comm, V[:, :end], multiply(matrix, V[:, start:end]))
+        block = np.zeros((len(of_blade), end - start), order="F")
+        block[of_blade] = V[:, start:end]
+        form[:end, start:end] = gram(comm, V[:, :end], multiply(matrix, block)[of_blade])
         form[start:end, :start] = form[:start, start:end].T
     return form
 
@@ -115,7 +118,8 @@ def _nodal(stuck: StuckStructure) -> sp.csr_matrix:
 def _on_nodes(stuck: StuckStructure, matrix: PETSc.Mat) -> np.ndarray:
     """Return the modes on this rank's rows of a matrix on the rows of the nodes, (n_nodal_owned, n_modes).  Collective."""
     phi = np.concatenate(stuck.comm.allgather(stuck.modes.phi_owned))
-    return (_nodal(stuck) @ phi)[slice(*matrix.getOwnershipRange())]
+    owned: np.ndarray = _nodal(stuck)[slice(*matrix.getOwnershipRange())] @ phi
+    return owned
 
 
 def changed_modes(
@@ -167,7 +171,7 @@ def with_modes_changed(static: StaticResponse, modes: ProjectedModes, dF: np.nda
     """
 
     def exchanged(left: str, right: str) -> np.ndarray:
-        product: np.ndarray = _rows(modes, left) @ dF @ _rows(modes, right).T
+        product: np.ndarray = np.linalg.multi_dot([_rows(modes, left), dF, _rows(modes, right).T])
         return product
 
     G, moved_by_modes = static.G_static, modes.R_phi[owned] @ dF

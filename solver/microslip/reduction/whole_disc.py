@@ -105,7 +105,7 @@ def of_all_sectors(
         "n_dof": N * first.n_dof,
         "pairs": pairs,
         "statics": _statics(tuned, waves, weights),
-        "projected": in_coordinates(projected, projected.omega_n[order], np.eye(len(order))[:, order]),
+        "projected": projected.ordered(order),
         "n_modes": len(order),
         "n_proved": len(order),
         "observed": _observed(first.observed, N, weights.shape[1]),
