@@ -53,6 +53,8 @@ from .settings import reduction_settings
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ..assembly.system import System
+
 _OTHER_REST = "other rest"  # key of the cached state
 
 
@@ -195,22 +197,34 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     ------
     CaseError, ResourceError : on every rank
     """
-    scene, pairs, settings = parts.scene, parts.rest.pairs, reduction_settings(parts.scene)
-    system = with_contact_forces(parts.rest.system, pairs, scene.outputs)
-    _note_once(log, f"{system.n_dof} DOF, {counted(pairs.n_pairs, 'contact pair')}")
+    system = _to_factor(parts, log)
+    with log.stage("factor of the stuck structure"):
+        later = partial(memory_of_modes, system.K, reduction_settings(parts.scene)) if has_later else None
+        linearised = linearise(system, parts.rest.pairs, str(parts.scene.path), later, cached)
+    _note_factor(parts, linearised, log)
+    return linearised
+
+
+def _to_factor(parts: Assembled, log: RunLog) -> System:
+    """Return the system that is factored.  Collective.  Raises CaseError: more modes than it has, or too large for the method."""
+    scene, settings = parts.scene, reduction_settings(parts.scene)
+    system = with_contact_forces(parts.rest.system, parts.rest.pairs, scene.outputs)
+    _note_once(log, f"{system.n_dof} DOF, {counted(parts.rest.pairs.n_pairs, 'contact pair')}")
     refuse_too_many(settings.modes, system.n_dof, scene.path, scene.response.mode)
     check_size(settings, system)
-    with log.stage("factor of the stuck structure"):
-        later = partial(memory_of_modes, system.K, settings) if has_later else None
-        linearised = linearise(system, pairs, str(scene.path), later, cached)
+    return system
+
+
+def _note_factor(parts: Assembled, linearised: Linearised, log: RunLog) -> None:
+    """Log lines on a factor; free K where memory is short and nothing else needs it.  Collective."""
     for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
         _note_once(log, note)
     if linearised.factor.n_rigid:
         motions_owned = linearised.system.rigid_owned
         log.note(rigid_in_words(linearised.factor.n_rigid, None if motions_owned is None else motions_owned.shape[1]))
-    if linearised.factor.info.get("out_of_core") and scene.cyclic is None and parts.reference is None and keeps_to_K_L(settings):
-        linearised.let_K_go()  # memory is short
-    return linearised
+    alone = parts.scene.cyclic is None and parts.reference is None
+    if linearised.factor.info.get("out_of_core") and alone and keeps_to_K_L(reduction_settings(parts.scene)):
+        linearised.let_K_go()
 
 
 def _note_once(log: RunLog, text: str) -> None:
@@ -268,7 +282,9 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     n = system.sectors.n_sectors
     if 2 * d > n:
         return groups.of_group(n - d).of_conjugate(d)
-    parts, linearised = _factored_at(parts, d, log)
+    log.note(f"nodal diameter {d}")
+    parts = _at_diameter(parts, d)
+    linearised = factor_of(parts, log)
     with log.stage("modes"):
         structure, notes = _with_modes(parts, linearised, groups=groups, group=d, conjugate=conjugate_of(d, n))
     for note in notes:
@@ -276,17 +292,14 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     return structure
 
 
-def _factored_at(parts: Assembled, d: int, log: RunLog, explicit: bool = True) -> tuple[Assembled, Linearised]:
-    """Return the parts at a nodal diameter, up to half of the sectors, and the stuck structure, factored.  Collective.
+def _at_diameter(parts: Assembled, d: int, explicit: bool = True) -> Assembled:
+    """Return the parts at a nodal diameter, up to half of the sectors.  Collective.
 
     K and M of half of the sectors have entries only if ``explicit``.
     """
     system = parts.rest.system
     assert system.sectors is not None, "a disc"
-    log.note(f"nodal diameter {d}")
-    system = system if d == 0 else system.sectors.system(d, explicit)
-    parts = replace(parts, rest=replace(parts.rest, system=system))
-    return parts, factor_of(parts, log)
+    return parts if d == 0 else replace(parts, rest=replace(parts.rest, system=system.sectors.system(d, explicit)))
 
 
 def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
@@ -342,16 +355,20 @@ def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> tuple[PerGroup[Stru
     N, sectors = cyclic.sectors, parts.rest.system.sectors
     notes: dict[int, list[str]] = {}
     waves = [cyclic.with_keys(engine_order=d, nodal_diameter=None, wave=None, whole=False) for d in range(N // 2 + 1)]
-    factored = [
-        _factored_at(replace(parts, scene=parts.scene.with_keys(cyclic=wave)), d, log, explicit=False)
-        for d, wave in enumerate(waves)
+    of_waves = [
+        _at_diameter(replace(parts, scene=parts.scene.with_keys(cyclic=w)), d, explicit=False) for d, w in enumerate(waves)
     ]
+    systems = [_to_factor(each, log) for each in of_waves]
+    with log.stage("factor of the stuck structure"):  # one pass over the factor of the sector tests all of them
+        factored = in_lockstep([partial(linearise, each, parts.rest.pairs, str(parts.scene.path)) for each in systems])
+    for each, linearised in zip(of_waves, factored):
+        _note_factor(each, linearised, log)
 
     def alike(d: int) -> Structure:
         if 2 * d > N:
             return diameters.of_group(N - d).of_conjugate(d)
         groups = PerGroup(diameters.of_group, waves[d].diameter, waves[d].diameters)
-        structure, notes[d] = _with_modes(*factored[d], groups=groups, group=d, conjugate=conjugate_of(d, N))
+        structure, notes[d] = _with_modes(of_waves[d], factored[d], groups=groups, group=d, conjugate=conjugate_of(d, N))
         return structure
 
     diameters: PerGroup[Structure] = PerGroup(alike)  # type: ignore[arg-type]  # its groups are whole numbers
