@@ -192,10 +192,13 @@ def test_a_maximum_before_an_antiresonance_is_listed_where_amplitudes_of_points_
     before = [point for point in curve.points if point.omega < 0.95 * low.omega]
     curve.points = [*rising, behind, *before] if down else [*before, behind, *rising]
     assert len(list(maxima(curve))) == 1
-    listed = peaks_of(forced(*reduced(two_masses(), COMM, 3), 128, level), curve, 1e-9)
+    problem = forced(*reduced(two_masses(), COMM, 3), 128, level)
+    listed = peaks_of(problem, curve, 1e-9)
     for peak, of in zip(sorted(listed, key=lambda peak: peak.omega), (low, high), strict=True):
         assert peak.omega == pytest.approx(of.omega, rel=1e-6)
         assert abs(peak.amplitude) == pytest.approx(abs(of.amplitude), rel=1e-8)
+    curve.points = [*curve.points, *curve.points[::-1]]
+    assert len(peaks_of(problem, curve, 1e-9)) == 2, "a branch that goes back on itself has each peak once"
 
 
 def test_a_maximum_is_a_solution_where_the_guess_is_none(forward):

@@ -160,7 +160,6 @@ def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
     structure.linearised.destroy()
 
 
-@pytest.mark.ranks(1, 2)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.ranks(1)
 def test_a_resonance_without_damping_gives_no_warnings(shared_path):

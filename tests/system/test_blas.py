@@ -42,6 +42,17 @@ def test_a_setting_of_the_user_stays(monkeypatch):
     assert os.environ["OPENBLAS_CORETYPE"] == "Nehalem"
 
 
+@pytest.mark.parametrize(
+    ("flags", "given", "stays"), [(AVX2, "SkylakeX", False), ("avx", "Haswell", False), (AVX512, "Haswell", True)]
+)
+def test_a_setting_of_another_machine_is_replaced(monkeypatch, tmp_path, flags, given, stays):
+    (tmp_path / "cpuinfo").write_text(f"vendor_id\t: GenuineIntel\nflags\t\t: {flags}\n\nprocessor\t: 1\n")
+    monkeypatch.setattr(blas, "_PROCESSOR", str(tmp_path / "cpuinfo"))
+    monkeypatch.setenv("OPENBLAS_CORETYPE", given)
+    blas.name_kernels()
+    assert os.environ.get("OPENBLAS_CORETYPE") == (given if stays else blas.kernels_of(f"flags : {flags}\n") or None)
+
+
 def _printed(code, **variables):
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"} | variables
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)

@@ -30,6 +30,7 @@ ABOVE = 1e-5  # of a maximum, by which one before it on another piece of the cur
 SAME = 0.1  # of the distance to a maximum, within which a solution is the maximum itself
 WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others next to it may be higher
 SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided: the next where Newton's method fails
+INWARD = tuple(0.5**k for k in range(1, 9))  # of the way from a neighbour that the search begins at, to a higher solution
 ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, to go on by from there
 BACK = 0.9  # cosine of the angle between two ways from a solution, above which they are on the same part of the curve
 HALVES = 3  # of the way from one solution to another one, where Newton's method fails
@@ -89,7 +90,7 @@ class _Search:
         """Return the maximum; about the highest of some solutions where pairs slip or a guess alone does not lead to it."""
         if len(self.row.neighbours) != 2:
             return self.from_guess(guess, self.at_frequency(guess))
-        first = self.solved(guess, self.at_frequency(guess))
+        given, first = guess, self.solved(guess, self.at_frequency(guess))
         if first.failure is not None:  # as from the linear motion where pairs slip
             higher = max(self.row.neighbours, key=self.size)
             first = self.solved(higher, self.at_frequency(higher))
@@ -97,7 +98,9 @@ class _Search:
             return first
         guess = first.iterate
         before, after = ((there, self.size(there)) for there in self.row.neighbours)
-        if not any(map(self.slips, (guess, *self.row.neighbours))):
+        if any(map(self.slips, (guess, *self.row.neighbours))):
+            guess = self.inside(given, guess)
+        else:
             maximum = self.from_guess(guess, self.at_frequency(guess))
             is_higher = self.is_as_high(maximum, self.size(guess))
             if is_higher and not self.slips(maximum.iterate):
@@ -114,6 +117,18 @@ class _Search:
             if row is not None and row[1][1] > highest:
                 maximum = self.within(row)
         return self.on_higher_piece(maximum)
+
+    def inside(self, given: Iterate, solution: Iterate) -> Iterate:
+        """Return a higher solution on the way from a neighbour to the other one, if the search begins at it.  Collective.
+
+        The curve rises from there; as far on as halves of the way lead to such a solution.
+        """
+        for end, other in (self.row.neighbours, self.row.neighbours[::-1]):
+            for share in INWARD if self.distance(given, end) == 0.0 else ():
+                there = self.on_line(end, other, share)
+                if there is not None and self.size(there) > self.size(end):
+                    return there
+        return solution
 
     def at_frequency(self, about: Iterate) -> Plane:
         """Return the plane of the frequency of a place.  Local."""

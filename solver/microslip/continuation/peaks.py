@@ -14,6 +14,7 @@ from ..fourier.amplitudes import to_complex
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
+from ..parallel.agree import on_root
 from ..points.branch import Branch, Point
 from ..points.peak import Peak
 from ..points.selection import AllPairs
@@ -135,8 +136,7 @@ def peaks_of(
     """
     tops = [Top(output, (i - 1, i + 1), i) for output, i in maxima(branch)]
     if curve is not None:
-        comm = problem.equation.comm
-        tops += comm.bcast(between_points(branch, curve) if comm.rank == 0 else [])
+        tops += on_root(problem.equation.comm, between_points, branch, curve)
     tops += hidden(problem, branch, curve)
     tops.sort(key=lambda top: (top.output, top.between))
     forward, solved = AdjointSolver(problem.equation.comm, EXACT, np.float64), list[tuple[Peak, Iterate]]()
@@ -153,8 +153,8 @@ def peaks_of(
 def is_same(equation: HarmonicBalance, a: tuple[Peak, Iterate], b: tuple[Peak, Iterate]) -> bool:
     """Return whether two peaks are one, as where a branch goes back on itself.  Collective."""
     (p, at_p), (q, at_q) = a, b
-    is_near = abs(p.omega / q.omega - 1.0) <= SAME and abs(abs(p.amplitude / q.amplitude) - 1.0) <= SAME
-    if p.output != q.output or not is_near:
+    differs = abs(abs(p.amplitude) - abs(q.amplitude)) > SAME * abs(q.amplitude)
+    if p.output != q.output or differs or abs(p.omega - q.omega) > SAME * q.omega:
         return False
     U, V = (there.U[..., there.harmonics.vibration] for there in (at_p, at_q.on(at_p.harmonics)))
     distance, size = equation.agreed_sum(np.array([np.sum((U - V) ** 2), np.sum(U**2)]))
@@ -271,7 +271,8 @@ def peak_about(
         forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
         amplitude = complex(outputs_at(equation, at, forces)[output])
         ends = [float(np.hypot(*branch.points[k].response[output, 1:3])) for k in top.between]
-        if top.is_hidden and (solution.failure or abs(amplitude) <= (1.0 + tolerance) * max(ends)):
+        is_higher = equation.comm.bcast(abs(amplitude) > (1.0 + tolerance) * max(ends))
+        if top.is_hidden and (solution.failure or not is_higher):
             return None
         width = half_power_width(branch, output, top.between, at.omega, abs(amplitude))
         derivatives = about_a_peak(solver, there, output, width, within) if sensitivities else (None, None)
@@ -341,6 +342,8 @@ def half_power_width(branch: Branch, output: int, between: tuple[int, int], omeg
         k, before = i, (omega, 0.0)
         while 0 <= k < len(branch.points) and branch.points[k].segment == branch.points[i].segment:
             lower = float(np.hypot(*branch.points[k].response[output, 1:3]))
+            if lower > (1.0 + SAME) * amplitude:
+                break
             here = branch.points[k].omega, np.sqrt(max((amplitude / lower) ** 2 - 1.0, 0.0)) if lower > 0.0 else np.inf
             if here[1] >= 1.0:
                 share = (1.0 - before[1]) / (here[1] - before[1])

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import KroghInterpolator
 
 from ..harmonic.adjoint_solver import AdjointSolver
+from ..parallel.agree import on_root
 from ..points.branch import Branch, Point
 from .branch_points import equation_at, harmonics_of, iterate_of
 from .constraint_rows import Scaling
@@ -51,19 +52,25 @@ def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
 
 
 def between_points(branch: Branch, curve: LinearCurve) -> list[Top]:
-    """Return the maxima of the linear response between consecutive points at which all pairs stick, none of them a maximum.
+    """Return the maxima of the linear response between consecutive points at which all pairs stick.
 
-    Local, on rank 0.  The points may be higher, as between two antiresonances.
+    Local, on rank 0.  Without the nearest one to a point that is a maximum itself.  The points may be higher than they are, as
+    between two antiresonances.
     """
-    tops, points, known = [], branch.points, set(maxima(branch))
+    tops, points = [], branch.points
     stuck = [i for i, (a, b) in enumerate(zip(points, points[1:])) if sticks(a) and sticks(b) and a.segment == b.segment]
     sizes = np.hypot(curve.response[..., 1], curve.response[..., 2])  # (n, n_outputs)
-    for k, output in np.argwhere((sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])):
+    is_maximum = (sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])
+    for output, i in maxima(branch):
+        (ks,) = np.nonzero(is_maximum[:, output])
+        if len(ks):
+            is_maximum[ks[np.argmin(np.abs(curve.omega[ks + 1] - points[i].omega))], output] = False
+    for k, output in np.argwhere(is_maximum):
         omega = float(curve.omega[k + 1])
         for i in stuck:
             ends = points[i : i + 2]
             is_between = min(end.omega for end in ends) < omega < max(end.omega for end in ends)
-            if is_between and not known & {(output, i), (output, i + 1)}:
+            if is_between:
                 tops.append(Top(int(output), (i, i + 1), i, omega))
     return tops
 
@@ -80,7 +87,7 @@ def hidden(problem: ForcedResponse, branch: Branch, curve: LinearCurve | None) -
     point that is higher than the next one, behind it.
     """
     comm, tops = problem.equation.comm, []
-    open_points = comm.bcast(undecided(branch, curve is not None) if comm.rank == 0 else [])
+    open_points = on_root(comm, undecided, branch, curve is not None)
     forward = AdjointSolver(comm)
     try:
         for i, way, trends in open_points:

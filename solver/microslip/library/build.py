@@ -215,13 +215,13 @@ def _to_factor(parts: Assembled, log: RunLog) -> System:
     return system
 
 
-def _note_factor(parts: Assembled, linearised: Linearised, log: RunLog) -> None:
+def _note_factor(parts: Assembled, linearised: Linearised, log: RunLog, of: str = "") -> None:
     """Log lines on a factor; free K where memory is short and nothing else needs it.  Collective."""
     for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
         _note_once(log, note)
     if linearised.factor.n_rigid:
         motions_owned = linearised.system.rigid_owned
-        log.note(rigid_in_words(linearised.factor.n_rigid, None if motions_owned is None else motions_owned.shape[1]))
+        log.note(of + rigid_in_words(linearised.factor.n_rigid, None if motions_owned is None else motions_owned.shape[1]))
     alone = parts.scene.cyclic is None and parts.reference is None
     if linearised.factor.info.get("out_of_core") and alone and keeps_to_K_L(reduction_settings(parts.scene)):
         linearised.let_K_go()
@@ -361,8 +361,8 @@ def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> tuple[PerGroup[Stru
     systems = [_to_factor(each, log) for each in of_waves]
     with log.stage("factor of the stuck structure"):  # one pass over the factor of the sector tests all of them
         factored = in_lockstep([partial(linearise, each, parts.rest.pairs, str(parts.scene.path)) for each in systems])
-    for each, linearised in zip(of_waves, factored):
-        _note_factor(each, linearised, log)
+    for d, linearised in enumerate(factored):
+        _note_factor(of_waves[d], linearised, log, f"nodal diameter {d}: ")
 
     def alike(d: int) -> Structure:
         if 2 * d > N:

@@ -7,17 +7,27 @@ the speed.  The processor states which vectors it has, and OPENBLAS_CORETYPE sel
 import os
 import re
 import warnings
+from contextlib import suppress
 from functools import cache
 
 _PROCESSOR = "/proc/cpuinfo"  # of Linux
 _AVX2 = {"avx2", "fma"}
 _AVX512 = _AVX2 | {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}
+_OF_AVX512, _OF_AVX2 = ("SkylakeX", "Cooperlake", "SapphireRapids"), ("Haswell", "Zen", "Excavator")
 _WITHOUT_AVX = ("Prescott", "Core2", "Penryn", "Dunnington", "Nehalem", "Atom", "Nano", "Opteron", "Barcelona", "Bobcat")
+
+# of a system's library, and of the libraries in packages of NumPy and SciPy
+_NAMES = [prefix + "openblas_get_corename" + suffix for prefix in ("", "scipy_") for suffix in ("", "64_")]
 
 
 def name_kernels() -> None:
-    """Set OPENBLAS_CORETYPE, unless it is set, for libraries that are loaded from now on.  Local."""
-    kernels = kernels_of(_first_processor())
+    """Set OPENBLAS_CORETYPE, unless it is set, for libraries that are loaded from now on.  Local.
+
+    A setting with vectors that this processor lacks is replaced: batch systems pass the environment of other machines on.
+    """
+    kernels, given = kernels_of(_first_processor()), os.environ.get("OPENBLAS_CORETYPE", "")
+    if given in _OF_AVX512 and kernels != "SkylakeX" or given in _OF_AVX2 and not kernels:
+        del os.environ["OPENBLAS_CORETYPE"]
     if kernels:
         os.environ.setdefault("OPENBLAS_CORETYPE", kernels)
 
@@ -25,9 +35,10 @@ def name_kernels() -> None:
 def kernels_of(processor: str) -> str:
     """Return OpenBLAS' name of the kernels for an x86 processor, from its lines of /proc/cpuinfo; "" without AVX2.  Local.
 
-    These are the kernels that OpenBLAS selects on processors that it recognises.
+    In double precision they are as fast as those that OpenBLAS selects on processors that it recognises.
     """
-    flags = set(re.findall(r"^flags\s*:(.*)$", processor, re.MULTILINE)[0].split()) if "flags" in processor else set()
+    line = re.search(r"^flags\s*:(.*)$", processor, re.MULTILINE)
+    flags = set(line[1].split()) if line else set()
     if flags >= _AVX512:
         return "SkylakeX"
     if flags >= _AVX2:
@@ -42,21 +53,21 @@ def fault(libraries: str) -> str:
     """
     import ctypes
 
-    file, wanted = re.search(r"/\S*openblas\S*\.so\S*", libraries), kernels_of(_first_processor())
-    if file is None or not wanted:
-        return ""
-    try:
-        of_library = ctypes.CDLL(file[0]).openblas_get_corename
-    except (OSError, AttributeError):  # another library of that name
-        return ""
-    of_library.restype = ctypes.c_char_p
-    name = (of_library() or b"").decode(errors="replace")
-    if not name.startswith(_WITHOUT_AVX):
-        return ""
-    return (
-        f"OpenBLAS uses its kernels for {name}, several times slower than this processor allows: set OPENBLAS_CORETYPE={wanted} "
-        "in the environment, or import microslip before NumPy"
-    )
+    wanted = kernels_of(_first_processor())
+    for file in sorted(set(re.findall(r"/.*openblas.*\.so\S*", libraries))) if wanted else ():
+        with suppress(OSError):  # another file of that name
+            library = ctypes.CDLL(file)
+            of_library = next((getattr(library, name) for name in _NAMES if hasattr(library, name)), None)
+            if of_library is None:
+                continue
+            of_library.restype = ctypes.c_char_p
+            name = (of_library() or b"").decode(errors="replace")
+            if name.startswith(_WITHOUT_AVX):
+                return (
+                    f"OpenBLAS uses its kernels for {name}, several times slower than this processor allows: "
+                    f"set OPENBLAS_CORETYPE={wanted} in the environment, or import microslip before NumPy"
+                )
+    return ""
 
 
 @cache
