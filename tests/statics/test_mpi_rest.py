@@ -4,12 +4,13 @@ import csv
 
 import numpy as np
 import pytest
-from rest_scene import GUIDED, LENGTH, at_one_frequency, eccentric, folder_with_bar, force, scene_of
+from rest_scene import GUIDED, LENGTH, WIDTH, at_one_frequency, eccentric, folder_with_bar, force, scene_of
 
 import microslip
 from microslip.continuation import ways_out
 from microslip.library.complete import read_completed
 from microslip.messages.errors import CaseError, ConvergenceError
+from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 
 folder = pytest.fixture(scope="module")(folder_with_bar)
@@ -23,6 +24,17 @@ def test_normal_and_friction_forces_carry_the_load(comm, folder):
     assert not pairs.open_at_rest.any() and pairs.N0.min() > 0.0
     assert total == pytest.approx([150.0, 50.0, -1000.0], rel=1e-9)
     assert np.all(np.hypot(*pairs.T0.T) <= 0.3 * pairs.N0 * (1.0 + 1e-9))
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("pressure", [1e9, 3e9])
+def test_a_pressure_that_no_metal_bears_is_a_warning(comm, folder, pressure):
+    """A hundredth of the modulus of steel, 2.1e11 Pa, lies between the two."""
+    statics = "stress_stiffening = false\n" + force(0.0, 0.0, -pressure * LENGTH * WIDTH)
+    log = RunLog(comm, screen=False)
+    microslip.build(scene_of(comm, folder, statics, *GUIDED), comm, log).close()
+    (line,) = (note for note in log.notes if "pressure up to" in note)
+    assert ("WARNING: " in line and "% of Young's modulus; check loads, units and overlap" in line) == (pressure > 2e9)
 
 
 def test_an_eccentric_load_opens_the_far_side(comm, folder):

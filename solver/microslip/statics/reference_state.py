@@ -151,7 +151,8 @@ def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | No
         reference.shares, reference.mesh, settings, system, rest.u_owned, _motions_above_cuts(reference, rest)
     )
     balance = balance_of(loaded, rest, acting)
-    messages += in_words(pairs, rest, balance)
+    moduli = [material.modulus for material in settings.materials.values() if material.modulus]
+    messages += in_words(pairs, rest, balance, min(moduli, default=None))
     if isinstance(about_rest.sectors, Sectors):
         about_rest = replace(about_rest, sectors=about_rest.sectors.at_rest(rest.u_owned, system.moved))
     about_rest = replace(about_rest, rest_owned=rest.u_owned)

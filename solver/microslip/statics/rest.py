@@ -15,6 +15,8 @@ from .equilibrium import Rest
 
 _PRESSED = "; WARNING: it is pressed at rest, and a bolt only pulls: it would be loose"
 
+_MUCH = 0.01  # of Young's modulus: a pressure that metals do not bear, and beyond small strains
+
 
 def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     """Return the pairs at rest, about which they vibrate: preload or gap, friction force, no springs if open.
@@ -75,13 +77,16 @@ def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
     return replace(pairs, k_t=k_t, k_n=k_n, law_columns={**pairs.law_columns, "reference": reference})
 
 
-def in_words(pairs: ContactPairs, rest: Rest, balance: Balance) -> list[str]:
-    """Return lines on each joint, each bolt and each body: closed and slid pairs, forces, equilibrium.  Local."""
-    return _of_joints(pairs, rest) + _of_bolts(rest) + balance_in_words(balance)
+def in_words(pairs: ContactPairs, rest: Rest, balance: Balance, modulus: float | None) -> list[str]:
+    """Return lines on each joint, each bolt and each body: closed and slid pairs, forces, equilibrium.  Local.
+
+    ``modulus`` [Pa] is the least Young's modulus of the materials, None where they are not known.
+    """
+    return _of_joints(pairs, rest, modulus) + _of_bolts(rest) + balance_in_words(balance)
 
 
-def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
-    """Return a line for each joint: closed pairs, slid pairs, forces."""
+def _of_joints(pairs: ContactPairs, rest: Rest, modulus: float | None) -> list[str]:
+    """Return a line for each joint: closed pairs, slid pairs, forces; a warning of a pressure that no metal bears."""
     names, limit = np.array(pairs.joint), friction_limit(pairs.laws, pairs.columns, rest.N)
     lines = [f"rest found in {counted(rest.steps, 'load step')}, {rest.iterations} Newton iterations"]
     for name in dict.fromkeys(pairs.joint):
@@ -92,10 +97,12 @@ def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
         pressure = N / pairs.area[of_joint]
         from_gap = are_springs(pairs.laws[of_joint]) | (pairs.N0[of_joint] <= 0.0)
         gap = np.where(from_gap, np.maximum(rest.du[of_joint, 2] - pairs.N0[of_joint] / pairs.k_n[of_joint], 0.0), 0.0)
+        share = pressure.max() / modulus if modulus else 0.0
+        warning = f"; WARNING: {100.0 * share:.2g} % of Young's modulus; check loads, units and overlap" if share > _MUCH else ""
         lines.append(
             f"  {name}: {closed.sum()} of {counted(of_joint.sum(), 'pair')} closed, {slid.sum()} slid to their limit; "
             f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "
-            f"gap up to {gap.max():.3g} m"
+            f"gap up to {gap.max():.3g} m{warning}"
         )
     return lines
 
