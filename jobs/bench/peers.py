@@ -11,6 +11,9 @@ curves.  All solve the same reduced model at the same frequencies, one after the
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded, here and in the other programs
+
+# isort: split
 import argparse
 import csv
 import os
@@ -25,7 +28,6 @@ import machine
 import matplotlib
 import numpy as np
 
-import microslip
 from microslip.parallel.petsc import everyone, initialise
 
 initialise()

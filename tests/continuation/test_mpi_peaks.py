@@ -19,7 +19,7 @@ from microslip.continuation.iterate import Iterate
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.maximum import EXACT, Maximum, Sample, _Search
 from microslip.continuation.outputs import output_at
-from microslip.continuation.peaks import PeakOver, PeakPath, follow_peak, peaks_of
+from microslip.continuation.peaks import PeakOver, PeakPath, follow_peak, half_power_width, peaks_of
 from microslip.continuation.tops import between_points, maxima
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.adjoint_solver import AdjointSolver
@@ -155,6 +155,15 @@ def test_a_maximum_between_two_points_is_that_of_the_linear_response(monkeypatch
     (unsolved,) = peaks_of(problem, curve, 1e-9, curve=linear)
     assert unsolved.within > 0.0 and unsolved.omega in {point.omega for point in curve.points}
     assert peaks_of(problem, curve, 1e-9) == []
+
+
+@pytest.mark.ranks(1)
+def test_a_maximum_lower_than_the_points_beside_it_has_no_width():
+    """Between two antiresonances the curve rises above it before it falls to 1 / sqrt 2 of it, or the points do not show that."""
+    points = [
+        SimpleNamespace(omega=omega, segment=0, response=np.array([[0.0, size, 0.0]])) for omega, size in ((1.0, 3.0), (2.0, 3.0))
+    ]
+    assert np.isnan(half_power_width(SimpleNamespace(points=points), 0, (0, 1), 1.5, 1.0))
 
 
 def two_masses():

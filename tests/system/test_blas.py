@@ -34,6 +34,9 @@ def test_another_processor_or_system_is_left_to_openblas(monkeypatch, tmp_path):
     monkeypatch.delenv("OPENBLAS_CORETYPE", raising=False)
     blas.name_kernels()
     assert "OPENBLAS_CORETYPE" not in os.environ
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    blas.name_kernels()
+    assert os.environ["OPENBLAS_CORETYPE"] == "Haswell", "nothing is known of a processor that would contradict it"
 
 
 def test_a_setting_of_the_user_stays(monkeypatch):

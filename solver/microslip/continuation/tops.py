@@ -54,24 +54,23 @@ def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
 def between_points(branch: Branch, curve: LinearCurve) -> list[Top]:
     """Return the maxima of the linear response between consecutive points at which all pairs stick.
 
-    Local, on rank 0.  Without the nearest one to a point that is a maximum itself.  The points may be higher than they are, as
-    between two antiresonances.
+    Local, on rank 0.  Without the one that a point beside it, itself a maximum among stuck points, already shows.  The points may
+    be higher than they are, as between two antiresonances.
     """
     tops, points = [], branch.points
     stuck = [i for i, (a, b) in enumerate(zip(points, points[1:])) if sticks(a) and sticks(b) and a.segment == b.segment]
     sizes = np.hypot(curve.response[..., 1], curve.response[..., 2])  # (n, n_outputs)
-    is_maximum = (sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])
-    for output, i in maxima(branch):
-        (ks,) = np.nonzero(is_maximum[:, output])
-        if len(ks):
-            is_maximum[ks[np.argmin(np.abs(curve.omega[ks + 1] - points[i].omega))], output] = False
-    for k, output in np.argwhere(is_maximum):
+    for k, output in np.argwhere((sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])):
         omega = float(curve.omega[k + 1])
         for i in stuck:
             ends = points[i : i + 2]
             is_between = min(end.omega for end in ends) < omega < max(end.omega for end in ends)
             if is_between:
                 tops.append(Top(int(output), (i, i + 1), i, omega))
+    for output, i in maxima(branch):
+        beside = [top for top in tops if top.output == output and i in top.between]
+        if beside and all(map(sticks, points[i - 1 : i + 2])):
+            tops.remove(min(beside, key=lambda top: abs((top.omega or 0.0) - points[i].omega)))  # noqa: B023  called here
     return tops
 
 

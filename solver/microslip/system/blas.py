@@ -25,7 +25,10 @@ def name_kernels() -> None:
 
     A setting with vectors that this processor lacks is replaced: batch systems pass the environment of other machines on.
     """
-    kernels, given = kernels_of(_first_processor()), os.environ.get("OPENBLAS_CORETYPE", "")
+    processor, given = _first_processor(), os.environ.get("OPENBLAS_CORETYPE", "")
+    if not processor:
+        return
+    kernels = kernels_of(processor)
     if given in _OF_AVX512 and kernels != "SkylakeX" or given in _OF_AVX2 and not kernels:
         del os.environ["OPENBLAS_CORETYPE"]
     if kernels:
