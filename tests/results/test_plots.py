@@ -192,6 +192,14 @@ def test_statics_are_drawn_over_the_load(tmp_path, pairs, pages):
     assert list(stick.get_ydata() + slip.get_ydata() + open_.get_ydata()) == 3 * [pairs.n_pairs]
 
 
+@pytest.mark.parametrize("bar, top", [(0.0, 1.06), (0.3, 1.3 * 1.02), (5.0, 1.5 * 1.02)])
+def test_axis_of_the_response_includes_error_bars_of_up_to_half_the_peak(tmp_path, pairs, pages, bar, top):
+    computed = with_errors(branch(3.0, pairs), (0.0, bar / 3.0, 0.0, 0.0, 0.0, 0.0))
+    draw_only(curve_plots.draw_response, write(tmp_path, [computed], pairs, linear=False))
+    for ax in pages["response.png"].figure.axes:
+        assert ax.get_ylim()[1] == pytest.approx(top * max(line.get_ydata().max() for line in ax.lines))
+
+
 @pytest.mark.filterwarnings("error")
 def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs, pages):
     some, none = (

@@ -41,6 +41,7 @@ from .style import (
 _WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
 _RATIO = 30.0  # ratio of the peaks of two levels beyond which it is
 _BAND = 0.3  # opacity of an error band
+_LONGEST_BAR = 1.5  # of the largest amplitude: a linear axis shows error bars up to there
 _PART_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c8c8c", "#56b4e9")
 _LEAST_ERROR = 1e-12  # of the peak: less is rounding, and not drawn
 _ERROR_DECADES = 1e-5  # of the largest bar: less is not drawn
@@ -92,14 +93,15 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> tuple[f
         factor, unit_name = with_prefix(_joined([*values, *linear]), unit)
         for a in linear:
             ax.plot(results.linear.frequency, factor * a, zorder=1.5, **LINEAR)  # type: ignore[union-attr]
+        ends = [0.0]
         for a, share, (level, colour) in zip(values, shares, drawn):
-            _band(ax, level, k, factor * a, factor * share, colour)
+            ends.append(_band(ax, level, k, factor * a, factor * share, colour))
             _curve(ax, level, factor * a, colour, shows_stability=True)
             mark_bifurcations(ax, level, k, factor * share, colour)
             mark_peaks(ax, level, k, factor * share, colour)
         ax.set_ylabel(f"{plain(name, 24) + ', ' if name else ''}amplitude [{unit_name}]")
         seen = [np.append(a, share * peak_sizes(level, k)) for a, share, (level, _) in zip(values, shares, drawn)]
-        _choose_scale(ax, [factor * a for a in (*seen, *linear)], compare=ax is row[0])
+        _choose_scale(ax, [factor * a for a in (*seen, *linear)], max(ends), compare=ax is row[0])
     return with_prefix(_joined(curves), output_unit)
 
 
@@ -274,13 +276,15 @@ def _panels(results: ResultFile, heading: str, levels: list[LevelResult], handle
     return page, axes + ([page.figure.add_subplot(cells[n_rows, :])] if foot else [])
 
 
-def _band(ax, level: LevelResult, k: int, values, factor: float, colour) -> None:
-    """Draw the error bars of output k about its curve, where they were estimated."""
-    if level.error is not None and len(level.frequency) > 1:
-        bars = factor * total(level.error[:, k])
-        for segment in segments(level.segment):
-            low, high = np.maximum(values[segment] - bars[segment], 0.0), values[segment] + bars[segment]
-            ax.fill_between(level.frequency[segment], low, high, color=colour, alpha=_BAND, lw=0.0)
+def _band(ax, level: LevelResult, k: int, values, factor: float, colour) -> float:
+    """Draw the error bars of output k about its curve, where they were estimated; return their upper end."""
+    if level.error is None or len(level.frequency) < 2:
+        return 0.0
+    bars = factor * total(level.error[:, k])
+    for segment in segments(level.segment):
+        low, high = np.maximum(values[segment] - bars[segment], 0.0), values[segment] + bars[segment]
+        ax.fill_between(level.frequency[segment], low, high, color=colour, alpha=_BAND, lw=0.0)
+    return float(np.nan_to_num(values + bars, posinf=0.0).max())
 
 
 def _curve(ax, level: LevelResult, values, colour, style="-", lw=1.2, shows_stability=False) -> None:
@@ -302,7 +306,7 @@ def _joined(values) -> np.ndarray:
     return np.concatenate([np.zeros(0), *values])
 
 
-def _choose_scale(ax, curves, *, compare: bool) -> None:
+def _choose_scale(ax, curves, end_of_bars: float, *, compare: bool) -> None:
     """Choose a logarithmic axis where a curve spans decades, or (``compare``) the peaks of the curves do."""
     curves = [a[np.isfinite(a) & (a > 0.0)] for a in curves]
     curves = [a for a in curves if len(a)]
@@ -316,7 +320,7 @@ def _choose_scale(ax, curves, *, compare: bool) -> None:
         log_scale(ax, "y")
         ax.set_ylim(0.7 * min(a.min() for a in real), 1.5 * largest)
     else:
-        ax.set_ylim(0.0, 1.06 * largest)
+        ax.set_ylim(0.0, max(1.06 * largest, 1.02 * min(end_of_bars, _LONGEST_BAR * largest)))
 
 
 def _limit(axes, results: ResultFile) -> None:
