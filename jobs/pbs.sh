@@ -4,15 +4,15 @@
 #     qsub -v scene=jobs/fan_paper.toml jobs/pbs.sh
 #     qsub -J 1-4 -v scene=jobs/fan_paper.toml,values=jobs/values.txt jobs/pbs.sh         (Torque: -t 1-4)
 #
-# Task i takes line i of the second file, words KEY=VALUE, and writes into results/NAME_i.  Adapt what follows;
-# `microslip check SCENE.toml --set KEY=VALUE` says how much memory a scene will need, and whether a value fits.
+# Task i uses line i of the second file, words KEY=VALUE, and writes into results/NAME_i.  Adapt the lines below;
+# `microslip check SCENE.toml --set KEY=VALUE` predicts the memory of a scene and checks the values.
 #PBS -N microslip
 #PBS -l select=1:ncpus=4:mpiprocs=4:mem=16gb
 #PBS -l walltime=01:00:00
-# Shortly before its time is up the run saves and stops, status 5, and is put into the queue again, as a job of its own that
-# waits for the end of this one, or follows a job of an array at once: the same command goes on from there.  What comes no further is not put there again.  What was
-# asked of qsub beside -v is forgotten then: write it here.
-most=50                            # times that a job may be put into the queue again
+# Shortly before its time limit the run saves and stops, status 5, and is put into the queue again as a new job, which waits for
+# the end of this one (for a job of an array, without waiting): the same command continues the run.  A job without progress is not
+# put into the queue again.  Options of qsub other than -v are lost then: write them here.
+most=50                            # largest number of times a job is put into the queue again
 set -euo pipefail
 cd "$PBS_O_WORKDIR"
 scene="${scene:?the scene is missing: qsub -v scene=SCENE.toml jobs/pbs.sh}" values="${values:-}"
@@ -44,19 +44,19 @@ mpirun microslip run "${arguments[@]}" &
 run=$!
 status=0
 wait "$run" || status=$?
-if [ -n "$told" ]; then            # the signal has ended the wait, not the run
+if [ -n "$told" ]; then            # the signal ended the wait, not the run
     status=0
     wait "$run" || status=$?
 fi
-if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that is told to end was deleted, or has to make room
+if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that gets a signal was deleted or preempted
     if [ "$(progress)" -gt "$before" ] && [ "$times" -lt "$most" ]; then
         again="scene=$scene,times=$((times + 1))${values:+,values=$values}${task:+,task=$task}"
         case "${PBS_JOBID:?}" in
-            *\[*) qsub -v "$again" "${script:-jobs/pbs.sh}" ;;      # PBS takes no dependency on one job of an array; its run has ended
+            *\[*) qsub -v "$again" "${script:-jobs/pbs.sh}" ;;      # PBS has no dependency on one job of an array; its run has ended
             *) qsub -W "depend=afterany:$PBS_JOBID" -v "$again" "${script:-jobs/pbs.sh}" ;;
         esac
     else
-        echo "not put into the queue again: $out came no further, or has been there $most times; ask for more time" >&2
+        echo "not put into the queue again: $out made no progress, or was put there $most times; request more time" >&2
     fi
 fi
 exit "$status"

@@ -1,13 +1,13 @@
 #!/bin/bash
-# A sweep as an array of jobs with PBS: task I of N computes every N-th sample, and whichever ends last writes the whole table:
+# A sweep as an array of jobs with PBS: task I of N computes every N-th sample, and the last to end writes the whole table:
 #
 #     qsub -J 1-8 -v scene=jobs/fan_paper.toml,parts=8,options="--scatter joints.dovetail.friction=30 --samples 256" jobs/pbs_sweep.sh
 #
-# The array begins at 1.  Every rank has a structure and samples of its own (--groups G: fewer).  Adapt what follows.
+# The array begins at 1.  Every rank has its own structure and samples (--groups G: fewer).  Adapt the lines below.
 #PBS -N sweep
 #PBS -l select=1:ncpus=4:mpiprocs=4:mem=16gb
 #PBS -l walltime=01:00:00
-# Every sample is on the disk when it is solved: a job that is stopped or begun again goes on from there.
+# Every sample is stored when it is solved: a job that is stopped or restarted continues from there.
 set -euo pipefail
 cd "$PBS_O_WORKDIR"
 scene="${scene:?the scene is missing: qsub -J 1-8 -v scene=SCENE.toml,parts=8,options=... jobs/pbs_sweep.sh}"

@@ -4,18 +4,18 @@
 #     sbatch jobs/slurm.sh jobs/fan_paper.toml
 #     sbatch --array=1-4 jobs/slurm.sh jobs/fan_paper.toml jobs/values.txt
 #
-# Task i takes line i of the second file, words KEY=VALUE, and writes into results/NAME_i.  Adapt what follows;
-# `microslip check SCENE.toml --set KEY=VALUE` says how much memory a scene will need, and whether a value fits.
+# Task i uses line i of the second file, words KEY=VALUE, and writes into results/NAME_i.  Adapt the lines below;
+# `microslip check SCENE.toml --set KEY=VALUE` predicts the memory of a scene and checks the values.
 #SBATCH --job-name=microslip
 #SBATCH --ntasks=4
 #SBATCH --cpus-per-task=1
 #SBATCH --mem-per-cpu=4G
 #SBATCH --time=01:00:00
-# Shortly before its time is up the run saves and stops, status 5, and the job is put into the queue again: the same command
-# goes on from there, as it does where Slurm itself begins the job again.  A job that comes no further is not put there again.
+# Shortly before its time limit the run saves and stops, status 5, and the job is put into the queue again: the same command
+# continues the run, also if Slurm itself restarts the job.  A job without progress is not put into the queue again.
 #SBATCH --requeue
 #SBATCH --open-mode=append
-most=50                            # times that a job may be put into the queue again
+most=50                            # largest number of times a job is put into the queue again
 set -euo pipefail
 scene="${1:?the scene is missing: sbatch jobs/slurm.sh SCENE.toml}" values="${2:-}" task="${SLURM_ARRAY_TASK_ID:-}"
 
@@ -45,15 +45,15 @@ mpirun microslip run "${arguments[@]}" &
 run=$!
 status=0
 wait "$run" || status=$?
-if [ -n "$told" ]; then            # the signal has ended the wait, not the run
+if [ -n "$told" ]; then            # the signal ended the wait, not the run
     status=0
     wait "$run" || status=$?
 fi
-if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that is told to end was cancelled, or has to make room
+if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that gets a signal was cancelled or preempted
     if [ "$(progress)" -gt "$before" ] && [ "${SLURM_RESTART_COUNT:-0}" -lt "$most" ]; then
         scontrol requeue "${SLURM_JOB_ID:?}"
     else
-        echo "not put into the queue again: $out came no further, or has been there $most times; ask for more time" >&2
+        echo "not put into the queue again: $out made no progress, or was put there $most times; request more time" >&2
     fi
 fi
 exit "$status"

@@ -1,15 +1,15 @@
 #!/bin/bash
-# A sweep as an array of jobs with Slurm: task I of N computes every N-th sample, and whichever ends last writes the whole table:
+# A sweep as an array of jobs with Slurm: task I of N computes every N-th sample, and the last to end writes the whole table:
 #
 #     sbatch --array=1-8 jobs/slurm_sweep.sh jobs/fan_paper.toml --scatter joints.dovetail.friction=30 --samples 256
 #
-# The array begins at 1.  Every rank has a structure and samples of its own (--groups G: fewer).  Adapt what follows.
+# The array begins at 1.  Every rank has its own structure and samples (--groups G: fewer).  Adapt the lines below.
 #SBATCH --job-name=sweep
 #SBATCH --ntasks=4
 #SBATCH --cpus-per-task=1
 #SBATCH --mem-per-cpu=4G
 #SBATCH --time=01:00:00
-# Every sample is on the disk when it is solved: a job that is stopped or begun again goes on from there.
+# Every sample is stored when it is solved: a job that is stopped or restarted continues from there.
 #SBATCH --requeue
 #SBATCH --open-mode=append
 set -euo pipefail

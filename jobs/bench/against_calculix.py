@@ -1,12 +1,13 @@
-"""The demo's fan sector at speed, compared with CalculiX' contact solution of it, on the same mesh.
+"""The demo's fan sector at speed: contact at rest, compared with CalculiX' contact solution on the same mesh.
 
     python jobs/bench/against_calculix.py [--size small] [--ccx PATH] [--keep FOLDER]
 
-needs ``ccx`` (Debian: calculix-ccx).  The deck has the elements of the scene (C3D20, or C3D20R with --reduced), its centrifugal force,
-supports, contact stiffness and friction: surface to surface with a linear pressure-overclosure, geometrically linear, in the scene's
-load steps.  Compared are, of each flank, the sums of normal and of friction forces, and the distance of the lines of the normal forces;
-the largest pressure that each shows; the mean displacement of the blade's flanks along the radius and their turn about the engine's
-axis, in which two flanks that slide on their upper edges hardly hold the blade.  Ours with nodes in pairs, with mortars, and with cells as points.
+Needs ``ccx`` (Debian: calculix-ccx).  The CalculiX input has the elements of the scene (C3D20; C3D20R with --reduced), its
+centrifugal force, supports, contact stiffness and friction: surface-to-surface contact with linear pressure-overclosure,
+geometrically linear, in the scene's load steps.  Compared for each flank: the sums of normal and friction forces, and the
+distance between the lines of action of the normal forces; the largest contact pressure; the mean radial displacement of the
+blade's flanks and their rotation about the engine's axis.  Flanks that slide on their upper edges hardly resist this rotation.
+This program runs with node pairs, with mortars, and with one contact point per facet cell.
 """
 
 from __future__ import annotations
@@ -55,34 +56,34 @@ FLANKS = ("left", "right")  # x < 0 and x > 0
 
 @dataclass(frozen=True)
 class Contact:
-    """What a program found, on the blade: of each flank, in the order of FLANKS."""
+    """Contact results of one program on the blade: for each flank, in the order of FLANKS."""
 
     normal: np.ndarray  # (2, 3) N, sum of the normal forces
     friction: np.ndarray  # (2, 3) N
     moment: np.ndarray  # (2, 3) N m, of the normal forces about the origin
-    pressure: float  # Pa, the largest that it shows
+    pressure: float  # Pa, the largest contact pressure reported
     radial: float  # m, mean of the blade's flanks
     turn: float  # rad, of the blade's flanks, about y
     seconds: float
 
     @property
     def line(self) -> np.ndarray:
-        """The point of each resultant normal force's line that is nearest to the origin, (2, 3) [m]."""
+        """The point nearest to the origin on the line of action of each resultant normal force, (2, 3) [m]."""
         return np.cross(self.normal, self.moment) / np.sum(self.normal**2, axis=1)[:, None]
 
 
 def flank_of(x: np.ndarray) -> np.ndarray:
-    """Return which flank points at x belong to, (n,)."""
+    """Return the flank of the points at x: 0 left, 1 right, (n,)."""
     return (x > 0.0).astype(int)
 
 
 def deck(bodies: dict[str, Body], scene, kind: str) -> str:
-    """Return the CalculiX input of a scene of the fan sector, its elements of a CalculiX type."""
+    """Return the CalculiX input of a scene of the fan sector, with elements of a CalculiX type."""
     return "\n".join([*mesh_lines(bodies, scene, kind), *contact_lines(scene.joints[0]), *step_lines(bodies, scene), ""])
 
 
 def mesh_lines(bodies: dict[str, Body], scene, kind: str) -> list[str]:
-    """Return nodes, elements, materials, surfaces and the set of nodes that are held."""
+    """Return nodes, elements, materials, surfaces and the set of fixed nodes."""
     points = np.concatenate([body.points for body in bodies.values()])
     lines = ["*NODE, NSET=ALL"]  # CalculiX reads at most 20 characters a number, and 16 numbers a line
     lines += [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(points, 1)]
@@ -128,7 +129,7 @@ def contact_lines(joint) -> list[str]:
 
 
 def step_lines(bodies: dict[str, Body], scene) -> list[str]:
-    """Return supports, centrifugal force in the load steps of the scene, and what is printed of the last one."""
+    """Return supports, centrifugal force in the load steps of the scene, and the output requests of the last one."""
     axis = ", ".join(f"{value:.12g}" for value in (*scene.model.axis_point, *scene.model.axis))
     lines = [
         "*BOUNDARY",
@@ -165,7 +166,7 @@ def surface_lines(body: Body, name: str, n_before: int) -> list[str]:
 
 
 def rigid(blade: Body, u: np.ndarray) -> tuple[float, float]:
-    """Return the mean radial displacement [m] of the blade's flanks, and their turn about y [rad], from those of all nodes."""
+    """Return the mean radial displacement [m] of the blade's flanks, and their rotation about y [rad], from the motion of all nodes."""
     nodes = blade.face_nodes("blade_root")
     x, z = (blade.points[nodes] - blade.points[nodes].mean(axis=0))[:, [0, 2]].T
     mean = u[nodes].mean(axis=0)
@@ -174,7 +175,7 @@ def rigid(blade: Body, u: np.ndarray) -> tuple[float, float]:
 
 
 def calculix(ccx: str, folder: Path, text: str, bodies: dict[str, Body]) -> Contact:
-    """Return what CalculiX finds with a deck."""
+    """Run CalculiX and return its contact results."""
     (folder / "fan.inp").write_text(text)
     start = time.perf_counter()
     with open(folder / "fan.log", "w") as log:
@@ -198,7 +199,7 @@ def largest_pressure(path: Path) -> float:
 
 
 def ours(scene, blade: Body) -> Contact:
-    """Return what the statics of a scene find, on one rank."""
+    """Return the contact results of the statics of a scene, on one rank."""
     start, comm, settings = time.perf_counter(), MPI.COMM_SELF, scene
     mesh = read_mesh(settings)
     pairs = pair_contacts(mesh, settings.joints)
@@ -223,7 +224,7 @@ def ours(scene, blade: Body) -> Contact:
 
 
 def row(name: str, computed: Contact, reference: Contact) -> str:
-    """Return a row of the table: both flanks, and how far from the reference."""
+    """Return a row of the table: both flanks, and the differences from the reference."""
 
     def sizes(of, to):
         size, exact = np.linalg.norm(of, axis=1), np.linalg.norm(to, axis=1)

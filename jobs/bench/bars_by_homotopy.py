@@ -1,13 +1,15 @@
-"""Error bars by the solution of the enriched problem, reached by a homotopy in the added harmonics, compared with those in use.
+"""Error bars from the solution of the enriched problem, reached by homotopy in the added harmonics, against those in use.
 
     python jobs/bench/bars_by_homotopy.py [--seed 21] [--systems 1 25 35] [--harmonics 3] [--without-lift-off] [--at-once]
 
-The contact law feels the share s of the motion in the added harmonics, U_n = U_lin,n - G_n p_n(U_low + s U_high) for all n: at s = 0
-the point itself, at s = 1 the enriched problem (2 H + 3 harmonics, twice the samples, all pairs).  Newton's method at each share, which
-grows by steps that are halved where it fails.  This is done where the bar of the corrected amplitude, without truncated modes, exceeds
-a tenth of the amplitude ("far").  Random systems (tests/verification/random_structures.py), errors by time integration of 512 steps;
-amplitudes, errors and bars are over the largest amplitude of the curve, those at the end of a row are medians of far points.  The
-homotopy is made a second time from a motion that differs by 1e-8: does rounding decide what it finds?  ``--at-once``: from s = 0 to 1 in one step.
+The contact law receives the share s of the motion in the added harmonics, U_n = U_lin,n - G_n p_n(U_low + s U_high) for all n:
+s = 0 is the point itself, s = 1 the enriched problem (2 H + 3 harmonics, twice the samples, all pairs).  Newton's method solves
+for increasing s; a step of s that fails is halved.  This replaces the error bar only at points where the bar of the corrected
+amplitude, without truncated modes, exceeds a tenth of the amplitude ("far").  Random systems
+(tests/verification/random_structures.py); errors are measured by time integration with 512 steps per period.  Amplitudes, errors
+and bars are relative to the largest amplitude of the curve; the numbers at the end of a row are medians over far points.  The
+homotopy is repeated from a motion perturbed by 1e-8, to see whether rounding decides its result.
+``--at-once``: from s = 0 to 1 in one step.
 """
 
 from __future__ import annotations
@@ -80,7 +82,7 @@ class Homotopy:
         return linear, self.wider.residual(V, self.at, forces, linear.G)
 
     def amplitude(self, start: np.ndarray, at_once: bool) -> np.ndarray | None:
-        """Return cos 1, then sin 1, of the outputs at the share 1, from the motion of the point; None if the way ends before."""
+        """Return cos 1, then sin 1, of the outputs at the share 1, from the motion of the point; None if the homotopy stops earlier."""
         self.newton = 0
         solution, share, step = self.at_share(start, 0.0), 0.0, 1.0 if at_once else FIRST_STEP
         before: tuple[np.ndarray, float] | None = None
@@ -104,7 +106,7 @@ class Homotopy:
 
 
 class Bars:
-    """Replaces the error estimate of far points, and counts."""
+    """Replaces the error estimate of far points, and counts the outcomes."""
 
     def __init__(self, at_once: bool):
         self.counts: Counter[str] = Counter()
@@ -173,7 +175,7 @@ class Row:
     bar: float
     left: float  # error of the corrected amplitude
     rest: float  # its bar
-    own: float  # of time integration
+    own: float  # of the time integration
     is_far: bool  # with the bars in use
 
     def values(self) -> tuple[float, float, float, float]:

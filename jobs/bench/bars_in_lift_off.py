@@ -1,10 +1,10 @@
-"""Error bars of a joint that slips all over and lifts off in every cycle, against far more harmonics.
+"""Error bars of a joint whose pairs all slip and lift off in every cycle, against a solution with many more harmonics.
 
     python jobs/bench/bars_in_lift_off.py [--harmonics 5 9 15] [--best 25] [--modes 40]
 
-The block on the ground at 4 N, where it moves by more than 0.6 of its peak: complex amplitudes against those of the best set of
-harmonics and more modes, between its points by a spline; all over the peak.  The last row is of harmonics chosen by the scene's accuracy.  Needs
-meshes/block_on_ground.msh (the scene says how).
+The block on the ground at 4 N, where its amplitude exceeds 0.6 of the peak: complex amplitudes compared with those of the best
+set of harmonics and more modes, interpolated between its points by a spline; all relative to the peak.  The last row has the
+harmonics that the scene's accuracy selects.  Needs meshes/block_on_ground.msh (the scene gives the command).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ HEAD = "| harmonics | points; outside | largest error | largest bar | error ther
 
 
 def curve(structure, **keys):
-    """Return the only level's curves of the only output, and the processor's time that they took [s]."""
+    """Return the only level's curves of the only output, and their processor time [s]."""
     began = time.process_time()
     response = microslip.respond(structure, levels=[LEVEL], **keys)
     assert not response.failures, response.failures

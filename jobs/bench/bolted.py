@@ -1,9 +1,9 @@
-"""What unlike meshes and computed preload change in a bolted lap: jobs/bolted_lap.toml beside others of the same joint.
+"""The effect of non-matching meshes and of a computed preload in a bolted lap: jobs/bolted_lap.toml and variants of the joint.
 
     python jobs/bench/bolted.py [--levels 0.2 1 4]
 
-Makes the meshes.  Prints a table: contact points, how many are closed at rest, the largest pressure, the frequency of the mode
-with what is closed stuck, and at each level the peak per newton and its frequency.
+Generates the meshes.  Prints a table: contact points, closed points at rest, largest pressure, frequency of the mode with the
+closed points stuck, and at each level the peak per newton and its frequency.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def cases(folder: Path) -> dict[str, microslip.Scene]:
 
 
 def without_statics(scene, preload: float):
-    """Return the scene with a preload [Pa] of its lap, and its bolts not tightened."""
+    """Return the scene with a given preload [Pa] on the lap and without bolt forces."""
     raw = scene.model_dump(exclude_unset=True)
     raw["joints"] = [joint | {"preload": preload} for joint in raw["joints"]]
     return scene_of({name: table for name, table in raw.items() if name != "statics"}, scene.path)

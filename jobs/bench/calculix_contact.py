@@ -1,12 +1,13 @@
-"""Two blocks pressed on each other, one input file read by CalculiX and by this program: the frequencies of both about that rest.
+"""Two blocks pressed on each other, one input file read by CalculiX and by this program: frequencies about the pressed state.
 
     python jobs/bench/calculix_contact.py [--ccx PATH] [--refine N] [--stiffness K ...]
 
-A block stands on another, a steel bar of 1 x 1.5 x 4 m in all, with linear contact (K [N/m3] over Young's modulus by metre) and
-friction that holds; forces on its end press it by a static step, and *STEP, PERTURBATION follows. All comes from the file: the
-contact pair becomes a joint, the forces become [statics]. --refine divides every edge of the elements. Where meshes match both
-have the consistent stiffness of the springs; where they do not, CalculiX has points in the parts that faces share, a joint
-moments over the faces of the slave. With --pairing the joint has another one.
+One block stands on another, together a steel bar of 1 x 1.5 x 4 m, with linear contact (K [N/m3] in units of Young's modulus per
+metre) and friction high enough to stick.  Forces on the end press the blocks in a static step; *STEP, PERTURBATION follows.
+Everything comes from the file: the contact pair becomes a joint, the forces become [statics].  --refine divides every edge of the
+elements.  On matching meshes both programs use the consistent stiffness of the springs; on non-matching meshes CalculiX has
+points in the intersections of faces, and the joint integrates over the slave faces.  --pairing selects another pairing of the
+joint.
 """
 
 from __future__ import annotations

@@ -2,17 +2,17 @@
 
     python jobs/bench/calculix_frequencies.py [--ccx PATH] [--straight] [--fibres AXES] [--pushed FORCE | --bent FORCE | --heated K]
 
-The bar of tests/verification/calculix.py, clamped at one end: curved, twisted and tapered, or straight. Everything comes from the
-file, materials, sections and supports too. CalculiX prints seven digits. Its C3D8I has the incompatible modes in the mass, too, and
-on distorted elements gradients of them without the factor det J_centre / det J.
+The bar of tests/verification/calculix.py, clamped at one end: curved, twisted and tapered, or straight. Everything, including
+materials, sections and supports, comes from the file. CalculiX prints seven digits. Its C3D8I has the incompatible modes in the
+mass, too, and on distorted elements omits the factor det J_centre / det J from their gradients.
 
-With --fibres the material is orthotropic, 14 times as stiff along axis 1 as across, in axes that are oblique to the bar, those of a
-cylinder around it, or of the model ("oblique", "cylinder", "model"); "matrix" states the 21 constants of other oblique axes.
+--fibres: the material is orthotropic, 14 times as stiff along axis 1 as across. Its axes are oblique to the bar, those of a
+cylinder around it, or those of the model ("oblique", "cylinder", "model"); "matrix" gives the 21 constants of other oblique axes.
 
-With --pushed the straight bar vibrates about a static step, pushed along its length by FORCE [N], which is taken over from the
-file, too; the next column shows by how much the force changes the frequencies of CalculiX. With --bent it is bent sideways, in a
-step with NLGEOM, and vibrates about the large displacement. With --heated it is warmed by so many kelvin, held at one end, and
-expands along axes 1, 2 and 3 by -1e-6, 3e-5 and 2e-5 1/K, which stresses it there.
+--pushed: the straight bar vibrates about a static step in which FORCE [N] pushes along its length; the force is read from the
+file, too, and the next column shows by how much it changes the frequencies of CalculiX. --bent: the force bends the bar sideways
+in a step with NLGEOM, and the bar vibrates about the large displacement. --heated: the bar, held at one end, is heated by K
+kelvin and expands along axes 1, 2 and 3 by -1e-6, 3e-5 and 2e-5 1/K, which stresses it there.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def elastic(ply: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
 
 
 def loaded(text: str, name: str, force: float, *, is_large: bool) -> str:
-    """Return an input file with a step before its vibration, a force shared by the end's nodes: along the bar, or across it."""
+    """Return an input file with a static step before its vibration: a force on the nodes of the end, along the bar or across it."""
     points, _, _ = calculix.bar(calculix.TYPES[name][0], straight=True)
     end = (np.flatnonzero(np.isclose(points[:, 2], LENGTH)) + 1).tolist()
     own = -force / len(end)
@@ -86,8 +86,8 @@ def loaded(text: str, name: str, force: float, *, is_large: bool) -> str:
 
 
 def heated(text: str, kelvin: float) -> str:
-    """Return an input file that expands by direction with a step before its vibration in which it is warmed."""
-    every = text.count("\n", 0, text.index("*ELEMENT")) - text.count("\n", 0, text.index("*NODE") + 6)  # lines of nodes
+    """Return an input file with orthotropic thermal expansion and a heating step before its vibration."""
+    every = text.count("\n", 0, text.index("*ELEMENT")) - text.count("\n", 0, text.index("*NODE") + 6)  # number of node lines
     cold = f"*NSET, NSET=EVERY, GENERATE\n1, {every + 1}\n*INITIAL CONDITIONS, TYPE=TEMPERATURE\nEVERY, 0.\n"
     text = text.replace("*DENSITY", "*EXPANSION, TYPE=ORTHO\n-1.e-6, 3.e-5, 2.e-5\n*DENSITY", 1)
     return text.replace("*STEP", f"{cold}*STEP\n*STATIC\n*TEMPERATURE\nEVERY, {kelvin}\n*END STEP\n*STEP, PERTURBATION", 1)

@@ -1,10 +1,11 @@
-"""Stiffness and mass of every element kind against those that CalculiX stores, entry by entry.
+"""Stiffness and mass matrices of every element kind, compared entry by entry with those that CalculiX stores.
 
     PYTHONPATH=solver:tests python jobs/bench/calculix_matrices.py [path of ccx]
 
-needs ``ccx`` (Debian: calculix-ccx).  For each element type CalculiX assembles a curved, twisted and tapered bar (C3D8I: a straight
-one, whose incompatible modes are condensed; the mass is that of the nodes) with *FREQUENCY, SOLVER=MATRIXSTORAGE; its job.sti, job.mas and job.dof are read as a scene reads them, and compared with K and M
-of the same nodes and elements.  The largest difference is given over the largest entry; CalculiX writes 14 digits.
+Needs ``ccx`` (Debian: calculix-ccx).  For each element type CalculiX assembles a curved, twisted and tapered bar with *FREQUENCY,
+SOLVER=MATRIXSTORAGE.  (For C3D8I the bar is straight, the incompatible modes are condensed, and the mass of the nodes is
+compared.)  Its job.sti, job.mas and job.dof are read as for a scene, and compared with K and M of the same nodes and elements.
+The largest difference is relative to the largest entry; CalculiX writes 14 digits.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from microslip.formats.matrices.read import read_matrix
 
 
 def stored(ccx: str, name: str, straight: bool):
-    """Return K, M and the rows, 3 node + direction from 0, as CalculiX stores them."""
+    """Return K, M and the row numbers, 3 node + direction from 0, as CalculiX stores them."""
     text = deck(name, static=straight)
     head, _, _ = text.partition("*STEP")
     with tempfile.TemporaryDirectory() as folder:
@@ -42,7 +43,7 @@ def differences(ccx: str, name: str) -> tuple[int, float, float]:
     own = assemble(kind, points, nodes, *STEEL, integration, incompatible)
     K, M, rows = stored(ccx, name, straight=incompatible and kind == "hex8")
     theirs = [A.toarray() for A in (K, M)]
-    is_node = rows < 3 * len(points)  # CalculiX keeps the incompatible modes of C3D8I as nodes of its own
+    is_node = rows < 3 * len(points)  # CalculiX stores the incompatible modes of C3D8I as additional nodes
     theirs = [condensed(theirs[0], is_node), theirs[1][np.ix_(is_node, is_node)]]
     at = rows[is_node]
     of_K, of_M = (float(np.abs(A.tocsr()[at][:, at] - B).max() / np.abs(B).max()) for A, B in zip(own, theirs))
@@ -50,7 +51,7 @@ def differences(ccx: str, name: str) -> tuple[int, float, float]:
 
 
 def condensed(K: np.ndarray, retained: np.ndarray) -> np.ndarray:
-    """Return the stiffness of the rows that are retained while the others follow them without force."""
+    """Return the stiffness condensed to the retained rows (no force on the others)."""
     if retained.all():
         return K
     own, others, between = (K[np.ix_(i, j)] for i, j in ((retained, retained), (~retained, ~retained), (retained, ~retained)))
@@ -60,7 +61,7 @@ def condensed(K: np.ndarray, retained: np.ndarray) -> np.ndarray:
 def main() -> None:
     ccx = sys.argv[1] if len(sys.argv) > 1 else shutil.which("ccx")
     if ccx is None:
-        sys.exit("ccx is not there; in Debian: apt install calculix-ccx")
+        sys.exit("ccx not found; in Debian: apt install calculix-ccx")
     print("| element | rows | stiffness | mass |\n| --- | --- | --- | --- |")
     for name in TYPES:
         n, K, M = differences(ccx, name)

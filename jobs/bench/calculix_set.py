@@ -1,11 +1,11 @@
-"""CalculiX's own verification set: which of its inputs with *FREQUENCY and solid elements are read, and give its frequencies.
+"""CalculiX's verification examples with *FREQUENCY and solid elements: which are read, and which give the stored frequencies.
 
     python jobs/bench/calculix_set.py [FOLDER] [--only NAME ...]
 
-FOLDER holds the inputs and what CalculiX printed for them, NAME.inp and NAME.dat.ref (Debian: calculix-ccx-test, unpacked). Each
-input is taken over whole, in its own units and without additions: what it holds of supports, springs, equations and rigid
-bodies comes from the file, or the file is refused with the keywords that stop it. Frequencies agree where they differ by no more
-than the last of the seven digits that are printed.
+FOLDER holds the inputs and the printed results of CalculiX, NAME.inp and NAME.dat.ref (Debian: calculix-ccx-test, unpacked).
+Each input is read whole, in its units and without additions: supports, springs, equations and rigid bodies come from the file, or
+the file is refused with the keywords that are not supported.  Frequencies agree if they differ by no more than the last of the
+seven printed digits.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from microslip.observe.log import RunLog  # noqa: E402
 from microslip.scene.read import changed, scene_of  # noqa: E402
 
 FOLDER = Path("/usr/share/doc/calculix-ccx-test/examples/test")
-PRINTED = 1.5e-6  # relative: seven digits of an eigenvalue, of which the frequency is the root
+PRINTED = 1.5e-6  # relative: seven digits of an eigenvalue; the frequency is its square root
 UNFELT = {"*DASHPOT", "*ELEMENT, TYPE=DASHPOTA", "*CONTACT PAIR"}
 ROW = re.compile(r"^\s+\d+((?:\s+-?\d\.\d+E[+-]\d+){3,4})\s*$", re.MULTILINE)
 
@@ -47,7 +47,7 @@ def stored(folder: Path, name: str) -> np.ndarray:
 
 
 def eigenvalues_in(text: str) -> np.ndarray:
-    """Return the eigenvalues [rad2/s2] of the first table that CalculiX printed; with friction it prints frequencies alone."""
+    """Return the eigenvalues [rad2/s2] of the first table that CalculiX printed; with friction it prints only frequencies."""
     table = text.split("E I G E N V A L U E   O U T P U T")
     if len(table) < 2:
         return np.zeros(0)
@@ -57,7 +57,7 @@ def eigenvalues_in(text: str) -> np.ndarray:
 
 
 def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...]):
-    """Return the least scene that takes a file over: a load and an output at a node that is free to move."""
+    """Return the smallest scene that reads the file: one load and one output at a node that is free to move."""
     free = np.zeros((len(model.points), 3), dtype=bool)
     for cells in model.cells:
         if cells.kind.startswith(("tet", "hex", "wedge")):
@@ -84,7 +84,7 @@ def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...]):
 
 
 def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = (), pairing: str | None = None) -> np.ndarray:
-    """Return the lowest eigenvalues of an input file that is taken over whole; ``pairing`` is another one of its joints."""
+    """Return the lowest eigenvalues of an input file; ``pairing`` replaces that of its joints."""
     model = read_model(path)
     scene, _ = complete(scene_for(path, model, ignore), model)
     if pairing is not None:
@@ -97,10 +97,10 @@ def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = (), pairing: str |
 
 
 def compared(path: Path, folder: Path) -> tuple[str, str]:
-    """Return "agrees", "agrees*", "differs" or "refused", and by how much or by what.
+    """Return "agrees", "agrees*", "differs" or "refused", and the difference or the refused keywords.
 
-    The star: where the scene leaves out by name what the stored frequencies do not feel: dashpots, which CalculiX' are without;
-    contact, which CalculiX has in none but a *STEP, PERTURBATION.
+    The star marks inputs with features that do not enter the stored frequencies and that the scene ignores by name: dashpots, which
+    CalculiX leaves out; contact, which CalculiX includes only in a *STEP, PERTURBATION.
     """
     reference = stored(folder, path.stem)
     try:
@@ -115,7 +115,7 @@ def compared(path: Path, folder: Path) -> tuple[str, str]:
 
 
 def judged(values: np.ndarray, reference: np.ndarray) -> tuple[str, str]:
-    """Return whether eigenvalues agree with stored ones, and in words how well the frequencies do."""
+    """Return whether eigenvalues agree with the stored ones, and a text with the difference of the frequencies."""
     if not len(reference):
         return "differs", "nothing to compare with"
     values = np.sort(values)[: len(reference)]
@@ -126,7 +126,7 @@ def judged(values: np.ndarray, reference: np.ndarray) -> tuple[str, str]:
 
 
 def _keywords(message: str) -> str:
-    """Return the words that a message says would have to be waived, or the message."""
+    """Return the keywords that the message suggests to ignore, or the message."""
     takes = re.search(r"\[model\] ignore takes ([^\n]*)", message)
     return "; ".join(re.findall(r'"([^"]*)"', takes[1])) if takes else " ".join(message.split())[:150]
 

@@ -2,10 +2,10 @@
 
     python jobs/bench/calculix_time.py [--ccx PATH] [--cells 12 12 60] [--modes 20]
 
-12 x 12 x 60 hexahedra of 20 nodes (C3D20), one thread each, whole command: reading, assembly, factor, modes; here with the proof
-that none is missing, files and pictures.  Prints user and system time of both [s], their ratio, and the largest relative
-difference of the frequencies, of which CalculiX prints seven digits.  Needs ``ccx`` (Debian: calculix-ccx); without it only the
-time of this program is printed.
+12 x 12 x 60 hexahedra of 20 nodes (C3D20), one thread each.  Timed is the whole command: reading, assembly, factorisation, modes;
+for this program also the check that no mode is missing, result files and pictures.  Prints user plus system time of both [s],
+their ratio, and the largest relative difference of the frequencies (CalculiX prints seven digits).  Needs ``ccx`` (Debian:
+calculix-ccx); without it only the time of this program is printed.
 """
 
 import argparse
@@ -52,7 +52,7 @@ levels = [1.0]
 
 
 def processor_time(command: list[str], folder: str) -> float:
-    """Return user and system time of a command, which runs in a folder on one thread [s]."""
+    """Run a command in a folder on one thread; return its user plus system time [s]."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MICROSLIP_CACHE": "off"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, cwd=folder, check=True, env=environment, stdout=subprocess.DEVNULL)

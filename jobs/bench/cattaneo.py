@@ -1,4 +1,4 @@
-"""Round bodies pressed on flat ones and pushed sideways: scenes of them, and the theory of Cattaneo, Mindlin and Deresiewicz."""
+"""Round bodies pressed on flat ones and pushed sideways: scenes, and the theory of Cattaneo, Mindlin and Deresiewicz."""
 
 from __future__ import annotations
 
@@ -76,18 +76,18 @@ samples = {samples}
 """
 
 
-# cells, of which each face has four, hang on few nodes: with much stiffer springs their forces alternate
+# four cells per face share few nodes: with much stiffer springs their forces alternate in sign
 STIFF = {"projected": 1000.0, "points": 200.0, "mortar": 50.0}
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is pressed and pushed, how its contact is sampled, and how finely."""
+    """Body, contact sampling and mesh density of one case."""
 
     mesh: Rings = Rings()
     pairing: str = "points"
     poisson: float = 0.3
-    stiff: float | None = None  # of the contact's own springs, over Young's modulus and the radius of contact; None: STIFF
+    stiff: float | None = None  # stiffness of the contact springs over Young's modulus and the radius of contact; None: STIFF
     harmonics: int = 9
     samples: int = 256
 
@@ -102,7 +102,7 @@ class Case:
 
     @property
     def force(self) -> float:
-        """The force [N], of a roller per metre, that Hertz gives the radius of contact of the mesh."""
+        """The force [N] (of a roller per metre) that produces the mesh's radius of contact according to Hertz."""
         a, R = self.mesh.contact, self.mesh.radius
         return np.pi * self.modulus * a**2 / (4.0 * R) if self.is_roller else 4.0 * self.modulus * a**3 / (3.0 * R)
 
@@ -120,12 +120,12 @@ class Case:
         return self.p0 * np.sqrt(np.maximum(1.0 - (r / self.mesh.contact) ** 2, 0.0))
 
     def traction(self, r, share: float) -> np.ndarray:
-        """Return friction over area [Pa] at distances r when the load is largest: Cattaneo's."""
+        """Return Cattaneo's tangential traction [Pa] at distances r at the largest load."""
         a, c = self.mesh.contact, self.stick_radius(share)
         return MU * (self.pressure(r) - self.p0 * c / a * np.sqrt(np.maximum(1.0 - (r / c) ** 2, 0.0)))
 
     def slip(self, r: float, share: float) -> float:
-        """Return the relative displacement [m] at r beyond the stick zone when the load is first largest."""
+        """Return the relative displacement [m] at r beyond the stick zone when the load first reaches its maximum."""
         a, c = self.mesh.contact, self.stick_radius(share)
         if self.is_roller:
             return 2.0 * MU * self.p0 / (self.modulus * a) * quad(lambda t: np.sqrt(t**2 - c**2), c, r)[0]
@@ -135,14 +135,14 @@ class Case:
         return 3.0 * MU * self.force * (2.0 - self.poisson) / (16.0 * shear * a) * curve * (r / a) ** 2
 
     def loss(self, share: float) -> float:
-        """Return the loss a cycle [J], of a roller per metre: on each way friction mu p goes twice the slip."""
+        """Return the loss per cycle [J] (of a roller per metre): in each direction, mu p acts over twice the slip."""
         a, c = self.mesh.contact, self.stick_radius(share)
         around = (lambda r: 2.0) if self.is_roller else (lambda r: 2.0 * np.pi * r)
         return 4.0 * MU * quad(lambda r: self.pressure(r) * self.slip(r, share) * around(r), c, a)[0]
 
 
 def scene_of(case: Case, shares, folder: Path):
-    """Return the scene of a case, and the share of the whole contact that its mesh has."""
+    """Return the scene of a case, and the share of the full contact that its mesh covers."""
     bodies = hertz_rings(case.mesh)
     write_msh(str(folder / "pushed.msh"), {f"{name}_body": body for name, body in bodies.items()})
     part = float(np.ptp(bodies["cap"].points[:, 1])) if case.is_roller else 0.5

@@ -1,10 +1,10 @@
-"""The same job by the version of an earlier commit and by this one, in turn: what the whole command and its stages take.
+"""The same job with the version of an earlier commit and with this one, in turn: times of the whole command and of its stages.
 
     python jobs/bench/compare_commits.py COMMIT [SCENE.toml ...] [--ranks 2] [--times 3] [--set KEY=VALUE ...]
 
-The commit is checked out into a folder that goes away again, and its compiled files are built there with this Python.  Both
-versions run the same scene and mesh, without what earlier runs have kept.  Prints a table for each scene: the median of the wall
-times [s] and the most memory of all ranks [MiB], from run.log, the whole command with its start and end, and the peak of each level.
+The commit is checked out into a temporary folder, and its compiled files are built there with this Python.  Both versions run the
+same scene and mesh, without a cache.  Prints a table for each scene: the median wall times [s] and the peak memory of all ranks
+[MiB], from run.log, the whole command including start and end, and the peak of each level.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ PEAK = re.compile(r"^level \d+ of \d+: (\S+ N): (\d+) points.*peak (\S+ m) .* at
 
 @dataclass(frozen=True)
 class Run:
-    """What one run took and found."""
+    """Cost and peaks of one run."""
 
     seconds: dict[str, float]  # by stage; "whole" is the command
     memory: float  # MiB, all ranks
@@ -40,7 +40,7 @@ class Run:
 
 @contextmanager
 def version_of(commit: str) -> Iterator[Path]:
-    """Give the folder of a commit's package, built."""
+    """Yield the folder of a commit's package, built."""
     with tempfile.TemporaryDirectory() as place:
         tree = Path(place) / "tree"
         subprocess.run(["git", "worktree", "add", "--detach", str(tree), commit], cwd=ROOT, check=True, capture_output=True)
@@ -53,7 +53,7 @@ def version_of(commit: str) -> Iterator[Path]:
 
 
 def run(package: Path, scene: Path, ranks: int, settings: list[str]) -> Run:
-    """Return what a version's run took and found."""
+    """Run a version and return its cost and peaks."""
     environment = {**os.environ, "PYTHONPATH": str(package), "MICROSLIP_CACHE": "off"}
     launch = [os.environ.get("MPIRUN", "mpirun"), "-n", str(ranks)] if ranks > 1 else []
     with tempfile.TemporaryDirectory() as folder:
@@ -70,7 +70,7 @@ def run(package: Path, scene: Path, ranks: int, settings: list[str]) -> Run:
 
 
 def read(log: str, whole: float) -> Run:
-    """Return what a log says of a run that took so long as a whole [s]."""
+    """Return the run of a log; ``whole`` is the wall time of the command [s]."""
     stages = STAGE.findall(log)
     seconds = {name: float(taken) for name, taken, _ in stages if name != "total"}
     return Run(seconds | {"whole": whole}, max(float(memory) for *_, memory in stages), tuple(PEAK.findall(log)))

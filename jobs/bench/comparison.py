@@ -1,4 +1,4 @@
-"""What methods did at the points of some levels, and the table and the plot made of it."""
+"""Results and costs of several methods at the points of some levels; table and plot."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ TITLES = (
 
 @dataclass(frozen=True)
 class Effort:
-    """What a point took."""
+    """Cost of a point."""
 
     wall: float  # s
     cpu: float  # s
@@ -65,7 +65,7 @@ class Effort:
 
 @dataclass
 class Row:
-    """What one method did at some points of one level."""
+    """Results and costs of one method at some points of one level."""
 
     level: float
     method: str
@@ -81,7 +81,7 @@ class Row:
     failure: str | None = None
 
     def add(self, index: int, omega: float, response: np.ndarray, effort: Effort) -> None:
-        """Take the numbers of a point."""
+        """Add a point."""
         for name, value in {"index": index, "omega": omega, "response": response, **vars(effort)}.items():
             getattr(self, name).append(value)
 
@@ -90,7 +90,7 @@ class Row:
 
 
 def difference(row: Row, other: Row) -> float:
-    """Return the largest difference of the response at points both have, relative to the peak of ``other``; nan without one."""
+    """Return the largest difference of the response at common points, relative to the peak of ``other``; nan without one."""
     theirs = {i: k for k, i in enumerate(other.index)}
     common = [(k, theirs[i]) for k, i in enumerate(row.index) if i in theirs and row.omega[k] == other.omega[theirs[i]]]
     if not common:
@@ -109,7 +109,7 @@ class Comparison:
         self.n_points = {level: len(self.rows[level, REFERENCE].index) for level in self.levels}
 
     def records(self) -> Iterator[dict]:
-        """Yield a record a level and method, and one a method over all levels."""
+        """Yield one record per level and method, and one per method over all levels."""
         for level in self.levels:
             for method in self.methods:
                 yield self.record(method, [level], f"{level:g}")
@@ -147,7 +147,7 @@ class Comparison:
         )
 
     def mean(self, method: str, levels: list[float], quantity: str) -> float:
-        """Return a mean a point, each level weighted with the points of its curve."""
+        """Return a mean per point, each level weighted with the number of points of its curve."""
         weights = [self.n_points[level] for level in levels]
         return float(np.average([self.rows[level, method].mean(quantity) for level in levels], weights=weights))
 
@@ -168,7 +168,7 @@ class Comparison:
         return methods
 
     def draw(self, path: Path) -> None:
-        """Draw time a point by level and method, and the differences along the strongest level."""
+        """Draw time per point by level and method, and the differences along the strongest level."""
         figure, (bars, curve) = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
         width, at = 0.8 / len(self.methods), np.arange(len(self.levels))
         for k, method in enumerate(self.methods):
@@ -221,7 +221,7 @@ def cells(record: dict) -> list[str]:
 
 
 def number(value: float) -> str:
-    """Return a number with three digits, or all before the point; a dash for nan."""
+    """Return a number with three significant digits, or rounded to an integer from 100; a dash for nan."""
     if value != value:
         return "–"
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"

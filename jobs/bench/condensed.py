@@ -1,6 +1,6 @@
-"""The condensed full set with dense Newton: what a good engineer writes once the joint is reduced to relative DOFs.
+"""The condensed full set with dense Newton: the natural implementation once the joint is reduced to relative DOFs.
 
-The same residual r = U - U_lin + G p over all pairs as the program's own methods, the same contact kernel and exact
+The same residual r = U - U_lin + G p over all pairs as the program's methods, the same contact kernel and exact
 tangents; but the Jacobian I + G P, of size 3 n_pairs N_H, is assembled and factored by LAPACK in every Newton step.
 """
 
@@ -30,7 +30,7 @@ class CondensedFullSet:
         return 3 * self.equation.model.n_pairs * self.equation.model.N_H
 
     def correct(self, guess: Iterate, size: float) -> Correction:
-        """Solve at the frequency of ``guess`` to |r| <= tolerance x size.  Local; divergence comes back as ``failure``."""
+        """Solve at the frequency of ``guess`` to |r| <= tolerance x size.  Local; divergence is returned as ``failure``."""
         at = self.problem.at(guess.parameters)
         U_lin, G = self.equation.linear_motion(at), self.equation.receptance(at, np.arange(self.equation.model.n_pairs))
         G_n = np.stack(list(G.blocks()))

@@ -1,9 +1,9 @@
-"""How good the corrected amplitude is, and the bar of what remains: points of random structures against far more harmonics.
+"""Accuracy of the corrected amplitude and of its error bar: points of random structures against many more harmonics.
 
     PYTHONPATH=solver:tests python jobs/bench/correction.py [--systems 30] [--harmonics 1 3 5] [--reference 25]
 
-Each point is solved with few harmonics, and from there with those of the reference.  Errors are of the complex amplitude of
-harmonic 1 over the largest of its curve; points where nothing is to be corrected, below 1e-6, are left out.
+Each point is solved with few harmonics and then, from that solution, with those of the reference.  Errors are those of the
+complex amplitude of harmonic 1, relative to the largest of its curve; points with an error below 1e-6 are left out.
 """
 
 import argparse
@@ -33,7 +33,7 @@ SAMPLES, OF_REFERENCE = 128, 512
 
 
 def judged(system: dict[str, Any], level: float, H: int, reference: int) -> list:
-    """Return rows of a level's points: error before and after, bar before and after, over the peak; whether pairs open or all move."""
+    """Return a row per point of a level: errors and bars before and after, over the peak; whether pairs open or all move."""
     model, law = reduced(system, HERE, H)
     low, high = system["omega"]
     omegas = np.linspace(low, high, 10)[1:-1].tolist()

@@ -1,4 +1,4 @@
-"""One measurement of costs.py, in a process or job of its own so that its memory is its own: prints a line of JSON.
+"""One measurement of costs.py, in its own process or MPI job so that memory is measured separately: prints a line of JSON.
 
 [mpirun -n 2] python jobs/bench/cost_measurement.py '{"kind": "joint", "n_pairs": 200, "share": 0.3, "H": 3, "points": 6}'
 [mpirun -n 2] python jobs/bench/cost_measurement.py '{"kind": "scene", "scene": "jobs/fan_small.toml", "level": 15, "points": 98}'
@@ -38,7 +38,7 @@ from microslip.points.selection import AllPairs
 from microslip.receptance import columns
 from microslip.receptance.static_columns import StaticColumns
 
-# what is timed, each function without the others in this list that it calls
+# timed functions, each without the others in this list that it calls
 GROUPS = [
     (ElasticCoulomb, "cycle", "AFT"),
     (balance.HarmonicBalance, "contact_forces", "choosing pairs, gathering p"),
@@ -80,7 +80,7 @@ class Meter:
         self.restart()
 
     def report(self, skip: int) -> dict:
-        """Return means a point, without the first ``skip``.  Collective: times of the slowest rank, memory of all."""
+        """Return means per point, without the first ``skip``.  Collective: times of the slowest rank, memory of all."""
         counted = self.points[skip:]
         groups = {group for *_, seconds, _ in counted for group in seconds}
         wall, cpu = (float(np.mean([entry[k] for entry in counted])) for k in (0, 1))
@@ -103,7 +103,7 @@ class Meter:
 
 
 def peak_memory() -> float:
-    """Return the peak resident memory of this process [MiB]; what getrusage tells may be that of the process that started it."""
+    """Return the peak resident memory of this process [MiB]; getrusage may report that of the parent process."""
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return int(status["VmHWM"].split()[0]) / 1024.0
 
@@ -113,9 +113,9 @@ def mean(points, name: str) -> float:
 
 
 def of_joint(comm, n_pairs: int, share: float, H: int, points: int) -> dict:
-    """Return the costs a point of a synthetic joint; the first point, which starts from the stuck motion, is left out.
+    """Return the costs per point of a synthetic joint, without the first point, which starts from the stuck motion.
 
-    It is there that the columns of the slipping pairs come to be, as in any run.
+    The columns of the slipping pairs are computed at the first point, as in any run.
     """
     model = joint_model(comm, n_pairs, H)
     problem = joint_problem(model, share)

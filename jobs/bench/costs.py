@@ -1,10 +1,11 @@
-"""Where the time of a scene goes, compared with the speed of the machine.
+"""Time and memory of the stages of a scene, compared with the speed of the machine.
 
     python jobs/bench/costs.py [SCENE.toml] [--levels 1 15] [--points 98] [--ranks 1 2] [--out DIR] [--page docs/costs.md]
 
-SCENE is jobs/fan_paper.toml unless given.  Prints tables, writes them to a page, and costs.json to DIR (results/bench): the stages of
-the set-up and, at each level, the parts of the response of `receptance`.  Each measurement is a job of its own on each number of ranks (mpirun, or what
-$MPIRUN names).  Times of parts are processor time of rank 0.  How a point grows with the pairs of a joint: large_joint.py.
+SCENE is jobs/fan_paper.toml by default.  Prints tables, writes them to a page, and costs.json to DIR (results/bench): the stages
+of the set-up and, for each level, the parts of the response by `receptance`.  Each measurement is a separate job on each number
+of ranks (mpirun, or $MPIRUN).  Times of parts are processor time of rank 0.  large_joint.py measures how the cost of a point
+grows with the pairs of a joint.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from page_tables import put, table
 
 
 def measure(request: dict, ranks: int) -> dict:
-    """Return what cost_measurement.py reports on so many ranks."""
+    """Return the report of cost_measurement.py on this number of ranks."""
     command = [sys.executable, str(Path(__file__).with_name("cost_measurement.py")), json.dumps(request)]
     if ranks > 1:
         command = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks), *command]
@@ -55,7 +56,7 @@ def of_stages(runs: list[dict]) -> list[str]:
 
 
 def of_response(runs: list[dict]) -> list[str]:
-    """Return the table of the parts of the response, a column a level and number of ranks."""
+    """Return the table of the parts of the response, a column per level and number of ranks."""
     total = {group: sum(r["groups"].get(group, 0.0) for r in runs) for r in runs for group in r["groups"]}
     titles = ["CPU ms a point (calls)"] + [f"{r['level']:g} N, {r['ranks']} rank{'s' * (r['ranks'] > 1)}" for r in runs]
     rows = [
@@ -71,7 +72,7 @@ def of_response(runs: list[dict]) -> list[str]:
 
 
 def report(runs: list[dict], scene: str) -> list[str]:
-    """Return the lines of the tables, below what they are of."""
+    """Return the lines of the tables below a line that describes the scene."""
     one = runs[0]
     title = f"{Path(scene).stem}: {one['n_dof']:,} DOF, {one['n_pairs']} pairs, {one['n_modes']} modes, H = {one['H']}"
     return [title, "", *of_stages([r for r in runs if r["level"] == one["level"]]), "", *of_response(runs)]
@@ -88,7 +89,7 @@ def main() -> None:
     options = parser.parse_args()
     base = {"kind": "scene", "scene": options.scene, "points": options.points}
     runs = [measure({**base, "level": level}, ranks) for level in options.levels for ranks in options.ranks]
-    # last: what these take must not be in this process while it starts the others, which may count its memory as their own
+    # last: child processes may inherit this process's peak memory
     rates, facts = {"GFLOP/s": machine.matrix_product_rate(), "GB/s": machine.memory_bandwidth()}, machine.facts()
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "costs.json").write_text(json.dumps({"machine": facts, "rates": rates, "scene": runs}, indent=1))

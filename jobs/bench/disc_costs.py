@@ -1,4 +1,4 @@
-"""The cost of the nodal diameters of a disc compared with that of the sector alone: `microslip modes` of both, in turn.
+"""The cost of the nodal diameters of a disc compared with that of a single sector: `microslip modes` of both, in turn.
 
     python meshes/fan_sector.py --size paper --out meshes/fan_paper.msh
     python meshes/fan_sector.py --size paper --n-blades 24 --out meshes/fan_disc_paper.msh
@@ -6,9 +6,10 @@
 
     python jobs/bench/disc_costs.py --points 5,10,15
 
-Each is a process of its own: assembly, factor, modes with the proof, one table and its pictures.  Prints processor time and peak
-memory, and those of the disc over those of the sector alone; targets are those of all nodal diameters.  With --points, of response
-curves in the same harmonics, samples and requested points, without error bars: Newton iterations and processor time of a point.
+Each command is a separate process: assembly, factorisation, modes with the count check, one table and its pictures.  Prints
+processor time and peak memory, and the ratios of the disc to the single sector; the targets are those of all nodal diameters.
+--points compares response curves with the same harmonics, samples and requested points, without error bars: Newton iterations and
+processor time per point.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def measured(scene: str, *more: str) -> dict[str, float]:
 
 
 def points_of(path: str, levels: list[float]) -> list[list[float]]:
-    """Return points, Newton iterations and processor time [ms] of a point on the curves of a scene, static columns known."""
+    """Return points, Newton iterations and processor time [ms] of a point on the curves of a scene, with all static columns computed before."""
     keys = ["solver.modes=9", "solver.harmonics=3", "solver.samples=96", "response.points=60", "solver.error_bars=false"]
     rows = []
     with microslip.build(microslip.read(path, keys)) as structure:
@@ -64,7 +65,7 @@ def compare_points(alone: str, disc: str, levels: list[float]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--alone", default="jobs/fan_paper.toml", help="scene of the sector by itself (%(default)s)")
+    parser.add_argument("--alone", default="jobs/fan_paper.toml", help="scene of the single sector (%(default)s)")
     parser.add_argument("--disc", default="jobs/fan_disc_paper.toml", help="scene of the disc (%(default)s)")
     parser.add_argument("--diameters", default="", help="nodal diameters, 0,3,6 (all)")
     parser.add_argument("--count", default="9", help="modes of each (%(default)s)")

@@ -1,12 +1,12 @@
-"""A level divided into parts on groups of ranks, beside the same level in turn: wall time, and what more groups would gain.
+"""A level divided into parts on groups of ranks, compared with the undivided level: wall time, and predicted gain of more groups.
 
     python jobs/bench/divided.py jobs/fan_paper.toml [--level 15] [--set KEY=VALUE]
     mpirun -n 2 python jobs/bench/divided.py jobs/fan_paper.toml
 
-The first command records the processor time of the coarse curve, the beginnings and the parts on one rank, and deals them to up
-to 64 groups as the program does.  The second one measures: the whole level on one rank (all ranks do the same at the same time),
-on all ranks together, and divided among groups of one rank.  Each first response, in which static columns are solved for, is not
-measured.
+The first command records the processor time of the coarse curve, the first points of the parts and the parts on one rank, and
+assigns them to up to 64 groups as the program does.  The second command measures: the whole level on one rank (all ranks compute
+the same at the same time), on all ranks together, and divided among groups of one rank.  The first response of each, which solves
+for static columns, is not measured.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def timed(function, clock=time.process_time):
 
 
 def dealt(seconds: list[float], n_groups: int) -> float:
-    """Return when the last of some tasks ends that groups take in their order."""
+    """Return when the last task ends if the groups take the tasks in their order."""
     free = [0.0] * n_groups
     for duration in seconds:
         heapq.heapreplace(free, free[0] + duration)

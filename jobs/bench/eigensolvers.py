@@ -1,9 +1,9 @@
-"""Processor time of the lowest modes with their proof: SLEPc, and the block Lanczos iteration of version 0.1.0 with the same factor.
+"""Processor time of the lowest modes with their count check: SLEPc, and the block Lanczos iteration of version 0.1.0, same factor.
 
     python meshes/fan_sector.py --size paper --out meshes/fan_paper.msh
     mpirun -n 1 python jobs/bench/eigensolvers.py jobs/fan_paper.toml 9 20 [--times 2]
 
-The two alternate.  The iteration is read from the history of this repository: a clone with it is needed.
+The two solvers alternate.  The Lanczos code is read from the history of this repository, which must be a full clone.
 """
 
 import argparse
@@ -31,7 +31,7 @@ COMM = MPI.COMM_WORLD
 
 
 def block_lanczos() -> type:
-    """Return the class of the iteration, from the history."""
+    """Return the class of the Lanczos iteration, from the history."""
     source = subprocess.run(
         ["git", "show", LANCZOS], check=True, capture_output=True, text=True, cwd=Path(__file__).parent
     ).stdout
@@ -42,7 +42,7 @@ def block_lanczos() -> type:
 
 
 def seconds(work) -> tuple[float, Any]:
-    """Return the processor's time of the slower rank, and what comes of the work."""
+    """Return the processor time of the slowest rank, and the result of the work."""
     COMM.barrier()
     began = time.process_time()
     result = work()

@@ -1,12 +1,12 @@
-"""Points of random systems that are noted to solve the truncated equations alone, against time integration: false alarms, missed points.
+"""Warnings that a point solves only the truncated equations, checked by time integration: false alarms and missed points.
 
     python jobs/bench/false_alarms.py [--points 1000] [--seed 21] [--first 0] [--harmonics 3] [--without-lift-off]
 
-Draws random systems (tests/verification/random_structures.py) until so many points are judged: 2 to 12 degrees of freedom, 1 to 4
-pairs, by default with levels at which pairs open.  Time integration begins at each point and comes to a steady state, the
-solution of the full equations near the point; where that is far away, it begins at solutions with 15 harmonics, too, and the
-nearest steady state counts.  A false alarm is a note at a point that is less than 1 % of the peak off, a missed
-point is off by more than 1.5 bars and 1 % of the peak without a note.  Points beside a fold and those without a steady state are
+Draws random systems (tests/verification/random_structures.py) until this number of points is judged: 2 to 12 degrees of freedom,
+1 to 4 pairs, by default with levels at which pairs open.  Time integration from each point reaches a steady state, the solution
+of the full equations near the point; if it is far away, further integrations start from solutions with 15 harmonics, and the
+nearest steady state counts.  A false alarm is a warning at a point with an error below 1 % of the peak.  A missed point has an
+error above 1.5 bars and above 1 % of the peak without a warning.  Points beside a fold and points without a steady state are
 counted separately.
 """
 
@@ -28,7 +28,7 @@ BEYOND = 1.5  # bars
 
 
 def kind(point: Judged) -> str:
-    """Return what the note of a point is worth."""
+    """Return the class of a point, by its note and its error."""
     if not point.is_steady:
         return "without a steady state"
     if "beside a fold" in point.kinds:
@@ -39,7 +39,7 @@ def kind(point: Judged) -> str:
 
 
 def main() -> None:
-    """Print a line for each system with a noted or missed point, and the counts."""
+    """Print a line for each noted or missed point, and the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--points", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=21)

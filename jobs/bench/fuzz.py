@@ -1,12 +1,12 @@
-"""Feed every reader of the program with rubbish that grows out of small files, guided by what of the code it reaches.
+"""Coverage-guided fuzzing (atheris) of every file reader of the program: changes small valid files at random and reads them.
 
     python -m pip install --target /tmp/atheris atheris
     PYTHONPATH=/tmp/atheris python jobs/bench/fuzz.py [READER ...] --seconds 600 --out results/fuzz
 
-A reader may return what it has read, or say in one message what is at fault.  Any other exception, an allocation that fails, a
-crash of a library beneath it and a hang are findings: the file and the cause lie in OUT/READER/findings afterwards.  Each reader
-runs in a process of its own that may take MEMORY more than it starts with; where that process dies, another one goes on.  Seconds
-are those of the processor, of the reader's processes, too: a busy machine reads as many files, later.
+A reader may return its data or raise one message about the fault of the file.  Any other exception, a failed allocation, a crash
+of a library that the reader uses, and a hang are findings; OUT/READER/findings then has the file and the cause.  Each reader runs
+in a separate process that may use MEMORY more than at its start; a process that dies is replaced.  Seconds are processor time,
+including that of the reader's processes: a busy machine reads the same number of files, only later.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "solver"), str(ROOT / "tests")]
-LONGEST = 65536  # bytes of a file, or twice the longest one that it begins with
+LONGEST = 65536  # bytes of a file, or twice the longest seed file
 HANG = 90  # seconds on a busy machine, above those after which processes of readers end themselves
 INSTRUMENTED = (
     "microslip.formats",
@@ -50,11 +50,11 @@ INSTRUMENTED = (
 )
 BENEATH = {"exodus": ("scipy.io._netcdf",), "ansys": ("mapdl_archive",), "nastran": ("pyNastran.bdf.bdf_interface",)}
 BENEATH |= {"ansys_input": ("mapdl_archive",), "op2_model": ("pyNastran.op2",)}
-BENEATH |= dict.fromkeys(("vtu", "vtk", "fem"), ("meshio",))  # libraries that a reader stands on
+BENEATH |= dict.fromkeys(("vtu", "vtk", "fem"), ("meshio",))  # libraries that a reader uses
 
 
 def main() -> None:
-    """Fuzz the readers one after the other and print what was found."""
+    """Fuzz the readers one after the other and print the findings."""
     arguments = _arguments()
     if arguments.child:
         _fuzz(arguments.readers[0], Path(arguments.out), Path(arguments.work), arguments)
@@ -81,7 +81,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("readers", nargs="*", metavar="READER", help="of tests/reader_targets.py; all if none is named")
     parser.add_argument("--seconds", type=float, default=600.0, help="of the processor, for each reader")
     parser.add_argument(
-        "--out", default="results/fuzz", help="files that reached something new, and findings; stored for the next time"
+        "--out", default="results/fuzz", help="folder of the corpus and the findings; the corpus is used again by the next run"
     )
     parser.add_argument("--memory", type=int, default=1024, help="MiB that a file may take")
     parser.add_argument("--seed", type=int, default=1)
@@ -122,7 +122,7 @@ def _in_processes(name: str, arguments: argparse.Namespace) -> tuple[float, int]
 
 
 def _counted(folder: Path) -> tuple[float, int]:
-    """Return the seconds that files were read for, and their number."""
+    """Return the processor seconds of reading, and the number of files."""
     n_files, microseconds = np.fromfile(folder / "count", dtype="i8")
     return float(microseconds) * 1e-6, int(n_files)
 
@@ -139,10 +139,10 @@ def _keep_crash(folder: Path, work: Path, status: int) -> None:
 
 
 def _report(name: str, folder: Path, seconds: float, n_files: int) -> int:
-    """Print the line of a reader and return how many findings there are."""
+    """Print the line of a reader and return its number of findings."""
     causes = sorted({path.read_text().splitlines()[0] for path in (folder / "findings").glob("*.txt")})
     if not n_files:
-        causes.append(f"no file was read; {folder / 'log'} says why")
+        causes.append(f"no file was read; see {folder / 'log'}")
     print(f"| {name} | {seconds:.0f} | {n_files} | {'; '.join(causes) or 'none'} |", flush=True)
     (folder / "summary.json").write_text(json.dumps({"reader": name, "seconds": seconds, "files": n_files, "findings": causes}))
     return len(causes)
@@ -174,7 +174,7 @@ def _fuzz(name: str, folder: Path, work: Path, arguments: argparse.Namespace) ->
     def one_file(content: bytes) -> None:
         taken = _taken() - began
         if taken > arguments.seconds:
-            os._exit(0)  # what reached something new is stored already
+            os._exit(0)  # files with new coverage are stored already
         count[:] = count[0] + 1, before + int(1e6 * taken)
         path.write_bytes(content)
         cause = verdict(target, path)
@@ -194,7 +194,7 @@ def _fuzz(name: str, folder: Path, work: Path, arguments: argparse.Namespace) ->
 
 
 def _others(rooms: tuple[str, ...]) -> list[str]:
-    """Return the modules of the packages of some rooms that are outside of the rooms: atheris instruments whole packages."""
+    """Return the modules of the rooms' packages outside the rooms: atheris instruments whole packages."""
     modules = []
     for package in {room.partition(".")[0] for room in rooms}:
         for folder in importlib.util.find_spec(package).submodule_search_locations:
@@ -204,13 +204,13 @@ def _others(rooms: tuple[str, ...]) -> list[str]:
 
 
 def _taken() -> float:
-    """Return the seconds of the processor that this process and those that it has waited for have taken."""
+    """Return the processor seconds of this process and of its children that have ended."""
     taken = os.times()
     return taken.user + taken.system + taken.children_user + taken.children_system
 
 
 def _keep(findings: Path, cause: str, content: bytes) -> None:
-    """Keep the shortest file of each cause."""
+    """Store the shortest file of each cause."""
     name = hashlib.sha1(re.sub(r"\d+|'[^']*'", "", cause).encode()).hexdigest()[:12]
     if not (findings / name).exists() or len(content) < (findings / name).stat().st_size:
         (findings / name).write_bytes(content)
@@ -222,7 +222,7 @@ def _escaped(word: str) -> str:
 
 
 def _in_place(content: bytes, longest: int, seed: int) -> bytes:
-    """Return an HDF5 file with some bytes changed and none moved: addresses are all over it; every eighth time anything."""
+    """Return an HDF5 file with some bytes changed and none moved: it is full of addresses; every eighth time anything changes."""
     import atheris
 
     if seed % 8 == 0 or b"\x89HDF" not in content[:1024]:
@@ -236,13 +236,13 @@ def _in_place(content: bytes, longest: int, seed: int) -> bytes:
 
 
 def _in_archive(content: bytes, longest: int, seed: int) -> bytes:
-    """Return an archive with one of its members changed, whose sums are right; every fourth time the archive itself."""
+    """Return an archive with one member changed and correct checksums; every fourth time change the archive itself."""
     import atheris
 
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
-    except Exception:  # it is no archive any more
+    except Exception:  # no longer an archive
         return atheris.Mutate(content, longest)
     if seed % 4 == 0 or not members:
         return atheris.Mutate(content, longest)
@@ -256,7 +256,7 @@ def _in_archive(content: bytes, longest: int, seed: int) -> bytes:
 
 
 def _in_records(content: bytes, longest: int, seed: int) -> bytes:
-    """Return records of a restart file with one of them changed, whose sums are right; every eighth time the file itself."""
+    """Return records of a restart file, one of them changed, with correct checksums; every eighth time change the file itself."""
     import atheris
 
     from microslip.restart.records import framed

@@ -1,10 +1,10 @@
-"""How often the intervals of an identification hold the true values: a mass on a Jenkins element, measured with noise.
+"""How often the confidence intervals of an identification contain the true values: a mass on a Jenkins element, with noise.
 
     python jobs/bench/identify.py [--seeds 100]
-    python jobs/bench/identify.py --example DIR        the files of one of them
+    python jobs/bench/identify.py --example DIR        the files of one case
 
 One mass (m = k = k_t = 1, c = 0.02, limit mu N0 = 1) under two levels at 8 frequencies each; amplitudes have noise of 1 % of the
-largest, phases of 0.02 rad.  Friction, tangential stiffness and damping are fitted from another start, for each seed of the noise.
+largest, phases of 0.02 rad.  Friction, tangential stiffness and damping are fitted from a different start, for each noise seed.
 """
 
 import argparse
@@ -67,7 +67,7 @@ def measurement(structure):
 
 
 def main() -> None:
-    """Print for each number how many intervals hold it, and the mean width of the interval."""
+    """Print for each parameter how many intervals contain its true value, and their mean width."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--example", type=Path, metavar="DIR")

@@ -1,10 +1,10 @@
-"""What the compiled kernels take: contact law, products with the columns of the receptance, with sparse matrices.
+"""Times of the compiled kernels: contact law, products with columns of the receptance, sparse matrix products.
 
     python jobs/bench/kernels.py [--pairs 8 55 218] [--H 3 9] [--samples 128]
 
-Processor's microseconds of a call, the least of some runs, of one process.  The columns are those of all pairs of the joint in the
-rows of all; NumPy's product is in the next column.  The sparse matrix is that of a lattice of hexahedra, beside PETSc's and
-SciPy's products.  To compare versions, run it in each: it needs the package alone.
+Processor microseconds per call, the least of several runs, one process.  The columns are those of all pairs of the joint in the
+rows of all; NumPy's product is in the next column.  The sparse matrix is that of a lattice of hexahedra, compared with PETSc's
+and SciPy's products.  To compare versions, run it in each: it needs only the package.
 """
 
 import argparse
@@ -27,12 +27,12 @@ from microslip.assembly.products import by_petsc, times
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.receptance.rows import Rows
 
-_RUNS, _SECONDS = 7, 0.1  # the least of so many, of so long each
+_RUNS, _SECONDS = 7, 0.1  # the least of this many runs, each of this duration
 _LATTICE = (30, 30, 45)  # nodes of the sparse matrix
 
 
 def least(call):
-    """Return the processor's microseconds of a call."""
+    """Return the processor microseconds of a call."""
     start = time.process_time()
     call()
     n = max(1, int(_SECONDS / max(time.process_time() - start, 1e-6)))
@@ -57,7 +57,7 @@ def moving(n_pairs, H, rng):
 
 
 def sparse(rng):
-    """Return a matrix of 3 rows for each node, coupled with those of its neighbours, in PETSc and in SciPy."""
+    """Return a matrix of 3 rows per node, coupled with the rows of neighbour nodes, in PETSc and in SciPy."""
     from petsc4py import PETSc
 
     A = sp.identity(1)
@@ -70,7 +70,7 @@ def sparse(rng):
 
 
 def print_sparse(rng):
-    """Print what products with few and many columns take."""
+    """Print times of products with few and many columns."""
     A, S = sparse(rng)
     print(f"\nsparse matrix of {S.shape[0]} rows, {S.nnz} entries\n{'columns':>7} {'A X':>9} {'PETSc':>9} {'SciPy':>9}  us")
     for m in (1, 8, 24, 48):

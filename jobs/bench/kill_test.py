@@ -1,19 +1,20 @@
-"""Test that a run killed at random moments (kill -9) goes on to the same curves, and measure what was lost.
+"""Test that a run killed at random moments (kill -9) is continued to the same curves, and measure the lost work.
 
     python jobs/bench/kill_test.py [SCENE] [--times 100] [--ranks 1 2] [--seed S] [--earlier SHARE] [--set KEY=VALUE ...]
                                    [--in-a-row N] [--folder DIR]
 
-The scene, by default that of the demo, runs once undisturbed on each number of ranks.  Then, `--times` times, it runs in a new
-folder, all of its processes are killed at one moment, and the same command is given again until it ends.  Moments are drawn in
-turn from three kinds, so that all of them are hit: in the *set-up*, a time before the first point; at *points*, some time after one
-of them was reported; while *writing*, as one of the files of the run is created, written or renamed.  With `--in-a-row` a run is killed
-several times before it may end.  A share of the runs (`--earlier`, a half) begins over the results of an earlier run of another level.
+The scene, by default that of the demo, first runs undisturbed on each number of ranks.  Then, `--times` times, it starts in a new
+folder, all its processes are killed at one moment, and the same command is repeated until it ends.  Moments are of three kinds in
+turn: during the *set-up*, at a time before the first point; at *points*, some time after a point was reported; while *writing*,
+as a file of the run is created, written or renamed.  `--in-a-row` kills a run several times before it may end.  A share of the
+runs (`--earlier`, a half) starts over the results of an earlier run at another level.
 
-A trial fails where the run does not end with status 0, where its curves are not those of the undisturbed run: points at the same
-frequencies, whose response is off by no more than 1e-8 of the peak.  A set-up that was killed before it was kept is built again; on
-several ranks its last bits are others, which decides now and then whether a step is taken once more.  So where the numbers of points
-differ, those that only one of the two has are compared with a third run at their frequencies.  It fails, too, where more than one point that had been reported is computed again for a kill, where results.h5 or
-frf.csv are neither those of the earlier run nor whole and right, or where results.h5 cannot be read.  Any failure makes status 1.
+A trial fails if the run does not end with status 0; if its curves differ from those of the undisturbed run: points at the same
+frequencies, responses within 1e-8 of the peak; if more than one reported point is computed again per kill; if results.h5 or
+frf.csv is neither that of the earlier run nor complete and correct; or if results.h5 cannot be read.  A set-up killed before it
+was cached is computed again; on several ranks it then differs by rounding, which sometimes changes whether a step is repeated.
+So where the numbers of points differ, the points that only one of the two runs has are compared with a third run at their
+frequencies. Any failure makes status 1.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "jobs" / "fan_small.toml"
 KINDS = ("set-up", "points", "writing")
 TOLERANCE = 1e-8  # of a level's peak
-LIMIT = 900.0  # s that a run may take: longer is a hang
+LIMIT = 900.0  # s; a longer run hangs
 POINT = re.compile(r"^ +\d+ +[\d.]+ +\d\.\d+e[+-]\d+ ", re.MULTILINE)
 _TAKEN = re.compile(r"(?:continues after|its) (\d+) points (?:are from|of) an earlier run")
 _DONE = "nothing is left to compute"
@@ -62,7 +63,7 @@ class Curve(NamedTuple):
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """What a run that nobody kills comes to, on a number of ranks."""
+    """The undisturbed run on a number of ranks."""
 
     levels: list[Curve]
     n_rows: int  # of frf.csv
@@ -79,23 +80,23 @@ class Undisturbed:
 
 @dataclass
 class Trial:
-    """A run that was killed, and how it went on."""
+    """A run that was killed, and its continuation."""
 
     number: int
     ranks: int
     over_earlier: bool
-    hit: list[str] = field(default_factory=list)  # what was killed, a text a kill
-    reported: int = 0  # points before the kills, without those taken over
-    taken: int = 0  # points that the last start took over
+    hit: list[str] = field(default_factory=list)  # what was killed, a text per kill
+    reported: int = 0  # points before the kills, without those from the checkpoint
+    taken: int = 0  # points that the last start read from the checkpoint
     off: float = np.nan  # largest difference of the response, over the peak
     n_rows: list[int] = field(default_factory=list)  # of frf.csv after kills, where it was no longer the earlier one
-    n_more: int = 0  # points that the undisturbed run does not have
-    n_fewer: int = 0  # and those that it alone has
+    n_more: int = 0  # points that only this run has
+    n_fewer: int = 0  # points that only the undisturbed run has
     wrong: list[str] = field(default_factory=list)
 
     @property
     def lost(self) -> int:
-        """How many points that had been reported were computed again."""
+        """Number of reported points that were computed again."""
         return max(0, self.reported - self.taken)
 
     def row(self) -> str:
@@ -126,10 +127,10 @@ class Test:
         own = ["run", str(self.arguments.scene), "--out", str(out), *settings, *more]
         return [*launcher, sys.executable, "-m", "microslip", *own]
 
-    # -- what it should be -------------------------------------------------------------------------------------------
+    # -- the expected result -------------------------------------------------------------------------------------------
 
     def undisturbed(self, ranks: int) -> Undisturbed:
-        """Run once and measure what moments are drawn from."""
+        """Run once and measure the times from which moments are drawn."""
         out = self.folder / f"undisturbed_{ranks}"
         out.mkdir()
         writes = Writes(out)
@@ -141,7 +142,7 @@ class Test:
         n += writes.wait(0.0)
         writes.close()
         if run.process.returncode != 0 or not reported:
-            raise SystemExit(f"the scene does not run by itself, status {run.process.returncode}:\n{run.said()}")
+            raise SystemExit(f"the undisturbed run of the scene failed, status {run.process.returncode}:\n{run.said()}")
         levels = [Curve(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
         stages = {name: float(seconds) for name, seconds in STAGE.findall(run.said())}
         return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, reported[0], reported[-1], n, stages)
@@ -153,13 +154,13 @@ class Test:
             level = 0.5 * min(self.scene.response.levels)
             run = Run(self.command(1, out, "--set", f"response.levels=[{level!r}]"), self.folder / "said")
             if run.wait(LIMIT) != 0:
-                raise SystemExit(f"the scene does not run at half of its lowest level:\n{run.said()}")
+                raise SystemExit(f"the run of the scene at half of its lowest level failed:\n{run.said()}")
         return out
 
     # -- a trial -----------------------------------------------------------------------------------------------------
 
     def trial(self, number: int, ranks: int, goal: Undisturbed) -> Trial:
-        """Run, kill, run again until the end, and say what was wrong."""
+        """Run, kill, repeat until the end, and list what was wrong."""
         out, over_earlier = self.folder / "out", self.random.random() < self.arguments.earlier
         outcome = Trial(number, ranks, over_earlier)
         shutil.rmtree(out, ignore_errors=True)
@@ -196,7 +197,7 @@ class Test:
         said = run.said()
         n, taken = len(POINT.findall(said)), _taken(said)
         if n or taken:
-            trial.reported = max(n, trial.reported)  # a start tells again what it takes over
+            trial.reported = max(n, trial.reported)  # a start reports the points of the checkpoint again
         where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "pictures"
         over = "" if run.process.returncode != 0 else ", had ended"
         trial.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
@@ -206,14 +207,14 @@ class Test:
         self._sleep(run, self.random.uniform(0.0, goal.first_point))
 
     def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, trial: Trial) -> None:
-        """Wait for one of the points that were not reported before, and for some part of the time to the next one."""
+        """Wait for a point that was not reported before, and for a part of the time to the next one."""
         n = self.random.randrange(min(trial.reported, goal.n_points - 1), goal.n_points) + 1
         while not run.is_over and len(POINT.findall(run.said())) < n:
             time.sleep(0.005)
         self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
 
     def _while_writing(self, run: Run, writes: Writes, goal: Undisturbed, trial: Trial) -> None:
-        """Wait for one of the writes, and for the time that a short one takes at most."""
+        """Wait for one of the writes, and then at most as long as a short write takes."""
         n, at = 0, self.random.randrange(goal.n_writes) + 1
         while not run.is_over and n < at:
             n += writes.wait(0.2)
@@ -224,10 +225,10 @@ class Test:
         while not run.is_over and time.monotonic() < end:
             time.sleep(max(0.0, min(0.05, end - time.monotonic())))
 
-    # -- what is there -----------------------------------------------------------------------------------------------
+    # -- the files -----------------------------------------------------------------------------------------------
 
     def _check_files(self, out: Path, goal: Undisturbed, before: dict[str, bytes], trial: Trial) -> None:
-        """Note where the files after a kill are neither earlier nor right, or look complete and are not."""
+        """Note files after a kill that are neither earlier nor correct, or look complete and are not."""
         results, table = out / "results.h5", out / "frf.csv"
         if before and not table.exists():
             trial.wrong.append("frf.csv of the earlier run is gone")
@@ -250,7 +251,7 @@ class Test:
             trial.wrong.append("results.h5 of the earlier run was replaced by incomplete ones")
 
     def _compare(self, out: Path, goal: Undisturbed, trial: Trial) -> None:
-        """Note how far the curves are from those of the undisturbed run."""
+        """Note how far the curves differ from those of the undisturbed run."""
         read = read_results(str(out / "results.h5"))
         trial.off, wrong = self._differences(read, goal, trial)
         trial.wrong += wrong
@@ -263,7 +264,7 @@ class Test:
             trial.wrong.append("after a kill frf.csv was neither that of the earlier run nor whole")
 
     def _differences(self, read: ResultFile, goal: Undisturbed, trial: Trial) -> tuple[float, list[str]]:
-        """Return the largest difference of the response over the peak of its level, and what is wrong with the curves."""
+        """Return the largest difference of the response over the peak of its level, and the faults of the curves."""
         off, wrong = 0.0, []
         trial.n_more = trial.n_fewer = 0
         if len(read.levels) != len(goal.levels):
@@ -283,14 +284,14 @@ class Test:
         return off, wrong + ([f"curves differ by {off:.1e} of the peak"] if off > TOLERANCE else [])
 
     def _at_frequencies(self, ranks: int, level: float, frequency: np.ndarray) -> Curve:
-        """Return the curve of a level with points at some frequencies [Hz], by a run of its own."""
+        """Return the curve of a level with points at some frequencies [Hz], by a separate run."""
         out = self.folder / "requested"
         shutil.rmtree(out, ignore_errors=True)
         at = ", ".join(repr(float(f)) for f in np.unique(frequency))
         settings = ("--set", f"response.levels=[{level!r}]", "--set", f"response.at=[{at}]")
         run = Run(self.command(ranks, out, *settings), self.folder / "said")
         if run.wait(LIMIT) != 0:
-            raise SystemExit(f"the scene does not run with points at the requested frequencies:\n{run.said()}")
+            raise SystemExit(f"the run of the scene at the requested frequencies failed:\n{run.said()}")
         (only,) = read_results(str(out / "results.h5")).levels
         return Curve(only.frequency, only.response)
 
@@ -300,12 +301,12 @@ def _taken(said: str) -> int:
 
 
 def _rows(table: Path) -> int:
-    """Return how many whole rows a table has after its header."""
+    """Return the number of complete rows of a table after its header."""
     return table.read_bytes().count(b"\n") - 1 if table.exists() else -1
 
 
 def _looks_complete(read: ResultFile, n_levels: int) -> bool:
-    """Return whether a reader must take results for those of a whole run."""
+    """Return whether a reader must take the results for those of a complete run."""
     return len(read.levels) == n_levels and all(level.status == COMPLETE for level in read.levels)
 
 
@@ -315,7 +316,7 @@ def _gap(difference: np.ndarray, curve: Curve) -> float:
 
 
 def _apart(points: Curve, curve: Curve) -> tuple[Curve, float]:
-    """Return those of some points at whose frequencies a curve has none, and how far the others are off it, over its peak."""
+    """Return the points at whose frequencies a curve has none, and the difference of the others from it, over its peak."""
     off, left = 0.0, []
     for i, frequency in enumerate(points.frequency):
         there = np.flatnonzero(np.abs(curve.frequency / frequency - 1.0) <= TOLERANCE)
@@ -326,7 +327,7 @@ def _apart(points: Curve, curve: Curve) -> tuple[Curve, float]:
 
 
 def summary(trials: list[Trial]) -> list[str]:
-    """Return the sum of all trials."""
+    """Return the summary of all trials."""
     good = sum(not trial.wrong for trial in trials)
     kinds = [sum(text.startswith(kind) for trial in trials for text in trial.hit) for kind in KINDS]
     hits = f", {sum(kinds)} kills ({', '.join(f'{n} {kind}' for n, kind in zip(kinds, KINDS))})" if any(kinds) else ""
@@ -340,14 +341,14 @@ def summary(trials: list[Trial]) -> list[str]:
 
 
 def add_arguments(parser: argparse.ArgumentParser, times: int) -> None:
-    """Add what a test of runs that are ended takes from the command line; ``times`` is the usual number of trials."""
+    """Add the options of a kill or signal test; ``times`` is the default number of trials."""
     parser.add_argument("scene", nargs="?", type=Path, default=DEMO)
     parser.add_argument("--times", type=int, default=times, help="on each number of ranks")
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
     parser.add_argument("--earlier", type=float, default=0.5, metavar="SHARE")
     parser.add_argument("--set", dest="settings", metavar="KEY=VALUE", action="append", default=[])
-    parser.add_argument("--folder", type=Path, help="keep what is written there")
+    parser.add_argument("--folder", type=Path, help="keep the files there")
 
 
 def run_trials(kind: type[Test], arguments: argparse.Namespace) -> bool:
@@ -374,7 +375,7 @@ def run_trials(kind: type[Test], arguments: argparse.Namespace) -> bool:
 
 
 def main() -> None:
-    os.environ.setdefault("MICROSLIP_CACHE", "off")  # runs are to be killed within their set-up, too
+    os.environ.setdefault("MICROSLIP_CACHE", "off")  # without a cache, so that runs are killed within their set-up, too
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_arguments(parser, times=100)
     parser.add_argument("--in-a-row", type=int, default=1, metavar="N")

@@ -1,4 +1,4 @@
-"""A run in a session of its own: what it says with times, what it writes, and its end by SIGKILL, of all its processes at once."""
+"""A run in its own session: its output with times, its writes, and its end by SIGKILL of all its processes at once."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Writes:
-    """Counts what is created, written and renamed in a folder and all folders below it, as Linux tells by inotify."""
+    """Counts what is created, written and renamed in a folder and all folders below it (Linux inotify)."""
 
     def __init__(self, folder: Path):
         self._handle = _libc.inotify_init1(os.O_NONBLOCK)
         if self._handle < 0:
-            raise OSError(ctypes.get_errno(), "inotify is not there")
+            raise OSError(ctypes.get_errno(), "inotify is not available")
         self._folders: dict[int, Path] = {}
         self._add(folder)
 
     def _add(self, folder: Path) -> None:
-        """Watch a folder, and what was made in it before anybody looked."""
+        """Watch a folder and the subfolders that already exist in it."""
         watch = _libc.inotify_add_watch(self._handle, os.fsencode(folder), _CREATE | _MODIFY | _CLOSED | _MOVED_TO)
         if watch < 0:
-            return  # it is gone already
+            return  # already removed
         self._folders[watch] = folder
         with suppress(OSError):
             for entry in folder.iterdir():
@@ -40,7 +40,7 @@ class Writes:
                     self._add(entry)
 
     def wait(self, seconds: float) -> int:
-        """Return how many things have been written since the last call, waiting for the first of them for a while."""
+        """Return the number of writes since the last call; wait a while for the first one."""
         if not select.select([self._handle], [], [], seconds)[0]:
             return 0
         data, at, n_files = os.read(self._handle, 1 << 16), 0, 0
@@ -58,7 +58,7 @@ class Writes:
 
 
 class Run:
-    """The program at work in a session of its own; what it says goes to a file."""
+    """The running program in its own session; its output goes to a file."""
 
     def __init__(self, command: list[str], said: Path):
         self._said = said
@@ -89,7 +89,7 @@ class Run:
             return None
 
     def kill(self) -> None:
-        """Kill all processes of the session, launcher and ranks, which have groups of their own."""
+        """Kill all processes of the session, launcher and ranks, which have their own process groups."""
         while living := members(self.process.pid):
             for member in living:
                 with suppress(ProcessLookupError):
@@ -101,7 +101,7 @@ class Run:
 
 
 def _answer_signals() -> None:
-    """Take back what a shell's job in the background, or nohup, ignores: the program leaves that ignored."""
+    """Restore signals that nohup or a shell's background job ignores; the program would leave them ignored."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 

@@ -1,11 +1,11 @@
-"""Model files of a million nodes: read, checked, paired and distributed, with times and memory.
+"""Model files of a million nodes: read, checked, paired and distributed; times and memory.
 
     python jobs/bench/large_files.py [--formats inp cdb msh vtu exo unv bdf] [--nodes 1000000] [--bdf-nodes 1000000] [--pairs 5041]
                                      [--ranks 1 2] [--folder DIR]
 
-Two blocks of hexahedra on each other (large_models.py) are written in a temporary folder, or in DIR, where they stay; each is
-read by jobs of their own on each number of ranks (mpirun, or what $MPIRUN names).  Wall time; the processor's time of rank 0,
-which does most and which other work on the machine disturbs least; and the highest memory, summed over the ranks.
+Two blocks of hexahedra on each other (large_models.py) are written in a temporary folder, or in DIR, where the files stay; each
+file is read by a separate job on each number of ranks (mpirun, or $MPIRUN).  Measured: wall time; processor time of rank 0, which
+does most of the work (other jobs on the machine disturb it least); and peak memory, summed over the ranks.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ STEPS = ("start", "model file", "mesh", "pairs", "partition", "elements", "repor
 
 
 def measure(path: Path) -> None:
-    """Do what `microslip check` does of a scene and print seconds by step and memory as JSON.  On every rank."""
+    """Do the steps of `microslip check` and print seconds by step and memory as JSON.  On every rank."""
     from microslip.parallel.petsc import initialise
 
     initialise()
@@ -92,7 +92,7 @@ def job(path: Path, ranks: int) -> dict:
 
 
 def row(what: str, ranks: int, size: float, totals: dict) -> str:
-    """Return a line of the table: wall and processor's seconds of each step, and of all."""
+    """Return a line of the table: wall and processor seconds of each step, and in all."""
     last, cells = (0.0, 0.0), []
     for step in STEPS:
         wall, processor, memory = totals["steps"][step]

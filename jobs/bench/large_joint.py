@@ -1,11 +1,11 @@
-"""How time and memory of a point grow with the pairs of a joint, up to 10,000.
+"""Growth of time and memory of a point with the pairs of a joint, up to 10,000.
 
     python jobs/bench/large_joint.py [--pairs 200 500 1000 2000 5000 10000] [--ranks 1 2] [--points 4] [--out DIR] [--draw] [--page PAGE]
 
-The joint is that of synthetic.py, 30 % of its pairs slip, H = 3.  Each measurement is a job of its own (cost_measurement.py; mpirun, or what
-$MPIRUN names).  The first point, at which the columns of the slipping pairs come to be, is left out of the time and is in the memory,
-which is the highest of all ranks together.  Writes large_joint.json and img/large_joint.png in DIR (results/bench);
-``--draw`` does so from the file of an earlier run; ``--page`` writes the table to a page (docs/costs.md).
+The joint is that of synthetic.py, 30 % of its pairs slip, H = 3.  Each measurement is a separate job (cost_measurement.py;
+mpirun, or $MPIRUN).  The first point, which computes the columns of the slipping pairs, is excluded from the time and included in
+the memory, the peak of all ranks together.  Writes large_joint.json and img/large_joint.png in DIR (results/bench); ``--draw``
+draws from the file of an earlier run; ``--page`` writes the table to a page (docs/costs.md).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")  # Okabe and Ito
 
 
 def measured(given) -> list[dict]:
-    """Return what every joint takes on each number of ranks."""
+    """Return the measurements of every joint on each number of ranks."""
     base = {"kind": "joint", "share": SHARE, "H": H, "points": given.points}
     return [costs.measure({**base, "n_pairs": n}, ranks) for n in given.pairs for ranks in given.ranks]
 
@@ -52,13 +52,13 @@ def seconds_of(runs: dict, part: str) -> float:
 
 
 def held(n_pairs: int, share: float, n_modes: int = 20) -> float:
-    """Return the memory that the columns of the slipping pairs take, as solved for and in single precision [MiB]."""
+    """Return the memory of the columns of the slipping pairs, in double and in single precision [MiB]."""
     rows, columns = 3.0 * n_pairs, 3.0 * share * n_pairs
     return (8.0 * rows * columns + 4.0 * columns * (columns + n_modes)) / 2**20
 
 
 def rows_of(runs: list[dict]) -> list[str]:
-    """Return the table, a row a joint and number of ranks."""
+    """Return the table, a row per joint and number of ranks."""
     titles = ["pairs", "slipping", "ranks", "wall, s a point", "processor, s", *PARTS, "the rest", "Newton; GMRES"]
     rows = []
     for r in runs:
@@ -104,7 +104,7 @@ def draw(runs: list[dict], path: Path) -> None:
 
 @dataclass(frozen=True)
 class Heading:
-    """What stands above the picture."""
+    """The heading of the picture."""
 
     title: str
 

@@ -1,6 +1,7 @@
-"""Two blocks on each other as a model file of any format and size: what large_files.py reads.
+"""Two blocks on each other as a model file of any format and size, for large_files.py.
 
-The upper block stands on the lower one, node on node; the bottom of the lower one is held.  Whole arrays are formatted at a time.
+The upper block stands on the lower one, node on node; the bottom of the lower one is fixed.  Whole arrays are formatted at a
+time.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def _quads(layer: np.ndarray) -> np.ndarray:
 
 
 def scene(file: str, model: Blocks) -> str:
-    """Return the scene of a file: what the format cannot say stands in it."""
+    """Return the scene of a file, with what the format cannot express."""
     top = [round(float(x), 6) for x in model.points[-1]]
     ending = file.rpartition(".")[2]
     lower, upper, held, lower_top, upper_bottom = _GROUPS.get(ending, ("lower", "upper", "HELD", "LOWER_TOP", "UPPER_BOTTOM"))
@@ -76,7 +77,7 @@ def scene(file: str, model: Blocks) -> str:
     )
 
 
-_WHOLE = ("inp", "cdb", "bdf")  # formats that say everything
+_WHOLE = ("inp", "cdb", "bdf")  # formats with materials and supports
 _GROUPS = {  # lower, upper, held, lower_top, upper_bottom
     "bdf": ("1", "2", "SPC xyz", "SET 1", "SET 2"),
     "vtu": ("body=1", "body=2", "surface=3", "surface=1", "surface=2"),
@@ -84,7 +85,7 @@ _GROUPS = {  # lower, upper, held, lower_top, upper_bottom
 
 
 def _lines(file: IO[str], form: str, *columns: np.ndarray) -> None:
-    """Write a line a row of the columns; ``form`` has a place for each number."""
+    """Write one line per row of the columns; ``form`` formats the numbers of a row."""
     np.savetxt(file, np.column_stack(columns), fmt=form)
 
 

@@ -1,11 +1,11 @@
-"""No growth over thousands of points: the memory of each rank, point by point, compared with the memory of the recorded points.
+"""Memory leaks over thousands of points: the memory of each rank, point by point, compared with that of the recorded points.
 
     [mpirun -n 2] python jobs/bench/leak.py [SCENE.toml] [--points 3000] [--warm 500] [--limit 0.02] [--out DIR]
 
-SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, in one run that is logged, written and stored
-like any other, until there are so many points.  What a rank has in memory after the first of them (``--warm``) may grow by
-``--limit`` beyond the points themselves, which stay by design: on rank 0 until their level is written with the motion of their
-pairs, then without but for the peak's, as on other ranks.  Prints a line of JSON; the exit status is 1 if any rank grows by more.
+SCENE is jobs/fan_small.toml by default.  Its levels are followed repeatedly, in one run with the usual log and files, until the
+number of points is reached.  The memory of a rank after the first points (``--warm``) may grow by ``--limit`` in addition to the
+recorded points, which stay in memory by design: on rank 0 with the motion of their pairs until their level is written, afterwards
+(and on other ranks) without it, except that of the peak.  Prints a line of JSON; exit status 1 if a rank grows by more.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import os
 import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("MICROSLIP_CACHE", "off")  # every set-up is made
+os.environ.setdefault("MICROSLIP_CACHE", "off")  # no set-up comes from the cache
 import argparse
 import contextlib
 import json
@@ -39,24 +39,24 @@ from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
 from microslip.system.memory import give_back, resident_memory
 
-LEAST = 10  # points that a level has at least
+LEAST = 10  # least number of points of a level
 
 
 class Enough(Exception):
-    """As many points as were requested."""
+    """The requested number of points is reached."""
 
 
 class Meter:
     """Memory of this rank after each point, and the bytes of the points so far [bytes]; wraps ``Observers.notify`` in its context.
 
-    With ``has_motion``, as on rank 0, points hold the motion of their pairs until their level is written, its peak for good.
+    With ``has_motion``, as on rank 0, points hold the motion of their pairs until their level is written; the peak keeps it.
     """
 
     _patched: Any = Observers
 
     def __init__(self, points: int, has_motion: bool = True):
         self.points, self.has_motion = points, has_motion
-        self.resident, self.recorded = np.full((2, points), np.nan)  # all of it now: it is no growth
+        self.resident, self.recorded = np.full((2, points), np.nan)  # allocated now, so that it does not count as growth
         self._n, self._held, self._motion, self._notify = 0, 0.0, 0.0, Observers.notify
 
     def __enter__(self) -> Meter:
@@ -76,7 +76,7 @@ class Meter:
         self._patched.notify = self._notify
 
     def take(self, point) -> None:
-        """Note what is held after a point.  Local; the same number of points on every rank."""
+        """Record the memory after a point.  Local; the same number of points on every rank."""
         motion = motion_of(point)
         self._held += size_of(point) - (0.0 if self.has_motion else motion)
         self._motion += motion if self.has_motion else 0.0
@@ -87,7 +87,7 @@ class Meter:
             raise Enough
 
     def let_go(self, branch: Branch) -> None:
-        """Take off the motion of a level that is written, but for that of its peak.  Local."""
+        """Subtract the motion of a level that is written, except that of its peak.  Local."""
         stays = motion_of(branch.points[branch.peak]) if self.has_motion and branch.points else 0.0
         self._held, self._motion = self._held - self._motion + stays, 0.0
 
@@ -103,17 +103,17 @@ def size_of(point) -> float:
 
 
 def size_of_value(value) -> float:
-    """Return the bytes of a value and of the memory that it keeps."""
+    """Return the bytes of a value and of the memory that it refers to."""
     return sys.getsizeof(value) + (value.base.nbytes if held_by_another(value) else 0)
 
 
 def held_by_another(value) -> bool:
-    """Return whether an array keeps the memory of another one."""
+    """Return whether an array is a view of another one."""
     return isinstance(value, np.ndarray) and isinstance(value.base, np.ndarray)
 
 
 def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
-    """Return the memory over the points of a run of a scene whose levels come again and again.  Collective."""
+    """Return the memory over the points of a run that repeats the levels of a scene.  Collective."""
     levels = read_scene(path).response.levels
     cycles = 1 + points // (LEAST * len(levels))
     many = ", ".join(repr(level * (1.0 + 1e-9 * cycle)) for cycle in range(cycles) for level in levels)
@@ -124,7 +124,7 @@ def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
 
 
 def growth(meter: Meter, warm: int) -> dict[str, float]:
-    """Return what a rank holds after the first points and at the end, and its growth beyond the points themselves."""
+    """Return a rank's memory after the first points and at the end, and its growth in addition to the points."""
     first, recorded = meter.resident[warm - 1], meter.recorded[-1] - meter.recorded[warm - 1]
     return {
         "warm_MB": first / 1e6,
@@ -137,7 +137,7 @@ def growth(meter: Meter, warm: int) -> dict[str, float]:
 
 
 def unexplained(meter: Meter, first: int) -> float:
-    """Return by how much a rank grew after its first points, beyond what was recorded since [bytes]."""
+    """Return a rank's growth after its first points, in addition to the recorded points [bytes]."""
     return (meter.resident[-1] - meter.resident[first - 1]) - (meter.recorded[-1] - meter.recorded[first - 1])
 
 

@@ -1,10 +1,10 @@
-"""The memory that `microslip check` foresees of a run, stage by stage, compared with that of the run.
+"""The memory that `microslip check` predicts for a run, stage by stage, compared with that of the run.
 
     python jobs/bench/memory.py [SCENE.toml ...] [--ranks 1 2] [--out DIR]
 
-Scenes are jobs/fan_small.toml, jobs/lap_joint.toml and jobs/fan_paper.toml unless given.  Each is checked and run on each number
-of ranks (mpirun, or what $MPIRUN names), in jobs of their own.  Prints tables and writes memory.json in DIR (results/bench_memory).
-Both numbers are the highest resident memory of all ranks together until the end of a stage.
+Scenes are jobs/fan_small.toml, jobs/lap_joint.toml and jobs/fan_paper.toml by default.  Each is checked and run on each number of
+ranks (mpirun, or $MPIRUN), in separate jobs.  Prints tables and writes memory.json in DIR (results/bench_memory).
+Both numbers are the peak resident memory of all ranks together until the end of a stage.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import os
 import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("MICROSLIP_CACHE", "off")  # every set-up is made
+os.environ.setdefault("MICROSLIP_CACHE", "off")  # no set-up comes from the cache
 import argparse
 import json
 import re
@@ -34,7 +34,7 @@ WITHIN = 0.3
 
 
 def program(arguments: list[str], ranks: int) -> str:
-    """Return what the program prints on so many ranks."""
+    """Return the output of the program on this number of ranks."""
     command = [sys.executable, "-m", "microslip", *arguments]
     if ranks > 1:
         command = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks), *command]
@@ -45,13 +45,13 @@ def program(arguments: list[str], ranks: int) -> str:
 
 
 def stages(text: str, pattern: re.Pattern) -> dict[str, tuple[float, float]]:
-    """Return the memory of all ranks and of the largest at the end of each stage [MiB], from the lines that say it."""
+    """Return the memory of all ranks and of the largest at the end of each stage [MiB], from the lines that match."""
     matches = [pattern.match(line) for line in text.splitlines()]
     return {one[1]: (float(one[2]), float(one[3])) for one in matches if one is not None}
 
 
 def compared(foreseen: dict, taken: dict) -> list[dict]:
-    """Return the stages that both name, in their order."""
+    """Return the stages that both have, in their order."""
     return [
         {"stage": name, "foreseen": foreseen[name], "taken": taken[name], "ratio": foreseen[name][0] / taken[name][0]}
         for name in foreseen
@@ -60,10 +60,10 @@ def compared(foreseen: dict, taken: dict) -> list[dict]:
 
 
 def measure(scene: str, ranks: int, folder: Path) -> dict:
-    """Return what was foreseen of a scene and what it took."""
+    """Return the predicted and the measured memory of a scene."""
     foreseen = stages(program(["check", scene], ranks), FORESEEN)
     out = folder / f"{Path(scene).stem}_{ranks}"
-    shutil.rmtree(out, ignore_errors=True)  # or it would go on from there
+    shutil.rmtree(out, ignore_errors=True)  # or it would be continued
     program(["run", scene, "--out", str(out)], ranks)
     rows = compared(foreseen, stages((out / "run.log").read_text(), TAKEN))
     print(scene, ranks, [f"{one['stage']} {one['ratio']:.2f}" for one in rows], flush=True)

@@ -1,15 +1,15 @@
-"""Methods side by side on one scene: the same points, law, tangents and tolerance.
+"""Methods compared on one scene: the same points, law, tangents and tolerance.
 
     python jobs/bench/methods.py [SCENE.toml] [--levels 1 15] [--points 98] [--dense-points 8] [--rubin-points 2] [--out DIR]
 
-SCENE is jobs/fan_paper.toml unless given; `python jobs/bench/methods.py --out docs` makes the table and the plot of docs/.
+SCENE is jobs/fan_paper.toml by default; `python jobs/bench/methods.py --out docs` makes the table and the plot of docs/.
 Writes bench_methods.csv, the tables of bench_methods.md and img/bench_methods.png in DIR (results/bench).
 
-At each level a run of `receptance` by arc length gives the frequencies.  At those, every method is solved from its own
-last two points: `receptance`, `adaptive`, `adaptive-energy`; the condensed full set by dense Newton (all pairs, relative
-DOFs); plain Rubin by dense Newton (all absolute interface DOFs).  The two dense ones are solved at some of the points only,
-spread along the curve, its peak among them, started from where the curve stands at the two points before: the table says
-how many.  --dense-points 0 means all; --rubin-points 0 none: then one LU of its size stands for a point, a lower bound.
+At each level a run of `receptance` by arc length selects the frequencies.  There, every method is solved from its own last two
+points: `receptance`, `adaptive`, `adaptive-energy`; the condensed full set by dense Newton (all pairs, relative DOFs); plain
+Rubin by dense Newton (all absolute interface DOFs).  The two dense methods are solved only at some points, spread along the curve
+and including its peak, from the curve's two points before each; the table shows how many.  --dense-points 0 means all points;
+--rubin-points 0 none: one LU of its size then stands for a point, a lower bound.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Laps:
         self.lap()
 
     def lap(self) -> tuple[float, float, int]:
-        """Return what passed since the last one."""
+        """Return time and evaluations since the last lap."""
         now = time.perf_counter(), time.process_time(), self.watch.calls["contact"]
         start, self.start = getattr(self, "start", now), now
         return now[0] - start[0], now[1] - start[1], now[2] - start[2]
@@ -79,7 +79,7 @@ def of_branch(method: str, run: Callable, level: float, watch: Stopwatch) -> tup
 
 
 def spread(n: int, n_wanted: int, peak: int) -> list[int]:
-    """Return ``n_wanted`` of n points, all if 0: at equal numbers of points from each other, the peak in place of the nearest."""
+    """Return ``n_wanted`` of n points, all if 0: equally spaced in number, the nearest replaced by the peak."""
     if n_wanted == 0 or n_wanted >= n:
         return list(range(n))
     chosen = np.linspace(0, n - 1, n_wanted + 2)[1:-1].round().astype(int)
@@ -131,14 +131,14 @@ def rubin_at(rubin, problem, points, chosen: list[int], tolerance: float, watch:
         laps.lap()
         x, iterations, failure = newton.correct(guess.U, omega, size)
         wall, cpu, evaluations = laps.lap()
-        own = 1.0 - newton.seconds_of_measure / cpu  # without what it takes to measure the residual alike
+        own = 1.0 - newton.seconds_of_measure / cpu  # without the time of the common residual measure
         row.add(i, omega, rubin.outputs @ x, Effort(own * wall, own * cpu, evaluations, iterations, 0, newton.unknowns))
         row.failure = row.failure or failure
     return row
 
 
 def rubin_bound(level: float, n_unknowns: int) -> Row:
-    """Return a lower bound of plain Rubin's time a point: one dense LU of its size."""
+    """Return a lower bound of plain Rubin's time per point: one dense LU of its size."""
     A, row = np.random.default_rng(1).standard_normal((n_unknowns, n_unknowns)), Row(level, RUBIN_BOUND)
     wall, cpu = time.perf_counter(), time.process_time()
     solve_dense(A, np.ones(n_unknowns))
@@ -173,7 +173,7 @@ def at_level(prepared: Prepared, rubin, level: float, dense_points: int, rubin_p
 
 
 def notes(prepared: Prepared, rubin) -> list[str]:
-    """Return what the table must be read with."""
+    """Return the notes below the table."""
     model, solver = prepared.model, prepared.scene.solver
     columns = next(stage for stage in prepared.stages if stage.name.startswith("static columns"))
     of_rubin = (

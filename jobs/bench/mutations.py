@@ -1,12 +1,12 @@
-"""Change the scenes of the catalogue at random, and check or run each: the program may end with status 0, 2, 3 or 4.
+"""Changes the scenes of the catalogue at random, and checks or runs each: the program may end with status 0, 2, 3 or 4.
 
     python jobs/bench/mutations.py [--times 1000] [--seed S] [--runs SHARE]
 
-A mutation changes one to three places of a sound scene: a value to another of its kind (extreme, negative, zero, not finite) or of
-another kind, or one that stands elsewhere; a key or a table is removed, renamed, repeated or moved.  Scenes are checked, a share of
-them (`--runs`, a third) is run, without pictures.  All this happens in one process, which another one replaces where it crashes or
-takes longer than ten minutes.  A status of 70 or any other than those named, a traceback, a crash and a hang are findings: they are shown
-with the scene, and make status 1.  Status 4, a refusal of what does not fit into memory, is counted.
+A mutation changes one to three places of a valid scene: a value becomes another of its type (extreme, negative, zero, not
+finite), one of another type, or one from elsewhere in the scene; a key or a table is removed, renamed, duplicated or moved.
+Scenes are checked; a share of them (`--runs`, a third) is run, without pictures.  One process does all this; it is replaced if it
+crashes or takes longer than ten minutes.  Any other status (70 included), a traceback, a crash and a hang are findings: they are
+shown with the scene, and make status 1.  Status 4, refused for lack of memory, is counted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "meshes")]
 SCENES = ("chain.toml", "lap.toml", *(f"bar_{ending}.toml" for ending in ("inp", "cdb", "bdf", "unv", "exo", "vtu")))
 ALLOWED = (0, 2, 3, 4)
-HANG = 600.0  # s: a level far beyond the friction limit takes minutes on a busy machine
+HANG = 600.0  # s; a level far above the friction limit takes minutes on a busy machine
 NUMBERS = (0, -1, 1, 2, 1e300, -1e300, 1e-300, 1e-320, 1e20, 1e-9, float("nan"), float("inf"), 2**63, 10**30, True)
 WORDS = ("", "x", "harmonic", "receptance", "nan", "../x", "\0", "\u00e4", "a" * 5000, "1e3")
 
@@ -51,7 +51,7 @@ def mutated(scene: dict, chance: random.Random) -> dict:
 
 
 def as_text(value) -> str:
-    """Return a value as TOML writes it in one line.  Local."""
+    """Return a value as one line of TOML.  Local."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{json.dumps(key)} = {as_text(entry)}" for key, entry in value.items()) + "}"
     if isinstance(value, list):
@@ -60,7 +60,7 @@ def as_text(value) -> str:
 
 
 def _places(item):
-    """Yield every entry of tables and arrays: what holds it, and its key or number."""
+    """Yield every entry of tables and arrays: its container, and its key or number."""
     for key in list(item) if isinstance(item, dict) else range(len(item)):
         yield item, key
         if isinstance(item[key], dict | list):
@@ -68,13 +68,13 @@ def _places(item):
 
 
 def _number(holder, key, chance: random.Random) -> None:
-    """Put another number in the place of one."""
+    """Replace a number by another one."""
     scaled = [type(holder[key])(holder[key] * factor) for factor in (-1, 0.5, 2, 3, 10, 100, 1e3, 1e-3, 1e9, 1e-9)]
     holder[key] = chance.choice(scaled if chance.random() < 0.7 else NUMBERS)
 
 
 def _value(holder, key, places, chance: random.Random) -> None:
-    """Put a value of another kind in the place of one, or what stands elsewhere."""
+    """Replace a value by one of another type, or by one from elsewhere."""
     elsewhere, other = chance.choice(places)
     taken = [copy.deepcopy(elsewhere[other])] if _is_there(elsewhere, other) else []
     old = holder[key]
@@ -106,7 +106,7 @@ def _moved(holder, key, places, chance: random.Random) -> None:
 
 
 def serve() -> None:
-    """Do the scenes that standard input names, a line a scene, and answer with status and message.  Local."""
+    """Check or run the scenes named on standard input, one per line; answer with status and message.  Local."""
     from microslip.parallel.petsc import initialise
 
     initialise()
@@ -126,14 +126,14 @@ def serve() -> None:
 
 
 class Worker:
-    """The process that does scenes, replaced by another one when it is gone."""
+    """The process that checks and runs scenes; replaced when it has died."""
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.process: subprocess.Popen | None = None
 
     def do(self, arguments: list[str]) -> tuple[int | str, str]:
-        """Return status and message of a command, or what became of the process."""
+        """Return status and message of a command, or how the process ended."""
         process = self.process = self.process or subprocess.Popen(
             [sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=self.folder
         )
@@ -162,7 +162,7 @@ def main() -> None:
 
 
 def try_mutations(options: argparse.Namespace) -> bool:
-    """Try as many scenes as are requested, show findings and counts, and return whether there are findings."""
+    """Try the requested number of scenes, show findings and counts, and return whether there are findings."""
     from microslip.parallel.petsc import initialise
 
     initialise()
@@ -192,7 +192,7 @@ def try_mutations(options: argparse.Namespace) -> bool:
 
 
 def _in_words(counts: collections.Counter) -> str:
-    """Return how often commands ended with a status."""
+    """Return the counts of each status as text."""
     return ", ".join(f"{command} {status}: {n}" for (command, status), n in sorted(counts.items(), key=str))
 
 

@@ -1,10 +1,10 @@
-"""What meshes that do not match cost in accuracy: the demo's blade on its disc, meshed alike, and on discs that are meshed again.
+"""The accuracy of non-matching meshes: the demo's blade on its own disc (matching), and on discs with other meshes.
 
     python jobs/bench/nonmatching_meshes.py [--size small medium] [--across 1 2 3] [--levels 1 5 10 15]
 
-Prints contact pairs, and at each level the peak per newton and how far it is from that of the same pairing where the meshes match:
-for each size of the blade's mesh on discs that are coarser and finer, and with more and more elements across a flank on discs
-that have one more.
+Prints contact pairs, and at each level the peak per newton and its difference from that of the same pairing on matching meshes:
+for each size of the blade's mesh on coarser and finer discs, and for more and more elements across a flank on discs with one
+more.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from msh import write_msh  # noqa: E402
 
 
 def discs(n: Divisions) -> dict[str, Divisions]:
-    """Return the divisions of discs beside those of a blade, by name."""
+    """Return the divisions of discs for those of a blade, by name."""
     return {
         "coarser along the slot": replace(n, chord=max(2, n.chord - 1)),
         "finer along the slot": replace(n, chord=n.chord + 3),
@@ -40,7 +40,7 @@ def discs(n: Divisions) -> dict[str, Divisions]:
 
 @dataclass(frozen=True)
 class Case:
-    """A blade on a disc, and how their surfaces meet: by which pairing, and whose is the first."""
+    """A blade on a disc, the pairing, and the body of the first surface."""
 
     name: str
     pairing: str
@@ -68,7 +68,7 @@ def peaks(scene, levels) -> tuple[int, np.ndarray, float]:
 
 
 def discs_apart(size: str) -> list[Case]:
-    """Return the blade of a size on its own disc and on others, each with the pairing that it is compared with first."""
+    """Return the blade of a size on its matching disc and on others; for each pairing, the matching case comes first."""
     blade = SIZES[size]
     others = discs(blade)
     cases = []
@@ -87,7 +87,7 @@ def finer_across(n: int) -> list[Case]:
 
 
 def rows(cases: list[Case], levels, folder: Path) -> None:
-    """Print a row for each case: the peak per newton, and how far it is from that of the same pairing on matching meshes before."""
+    """Print a row for each case: the peak per newton, and its difference from the preceding case with the same pairing on matching meshes."""
     exact = np.zeros(len(levels))
     for case in cases:
         n_pairs, heights, seconds = peaks(case.scene(folder), levels)

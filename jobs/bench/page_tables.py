@@ -1,13 +1,13 @@
 """Measured tables in the pages of the documentation.
 
-A page in docs/ holds its prose.  A script writes only what stands between the markers of a table:
+A page in docs/ holds its prose.  A script writes only the text between the markers of a table:
 
     <!-- table: NAME -->
     ...
     <!-- end -->
 
-Where the page does not exist (another scene, or the copy without pages in which jobs/docs/reproduce.py runs commands), a page of
-the tables alone is written.
+If the page does not exist (another scene, or the copy without pages in which jobs/docs/reproduce.py runs commands), a page with
+only the tables is written.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def put(page: Path, tables: Mapping[str, Sequence[str]]) -> None:
 
 
 def filled(match: re.Match[str], tables: Mapping[str, Sequence[str]]) -> str:
-    """Return a marked part with its table, or as it is where the table was not measured."""
+    """Return a marked part with its table, or unchanged if the table was not measured."""
     begin, name, end = match.groups()
     if name not in tables:
         return match[0]
@@ -49,7 +49,7 @@ def filled(match: re.Match[str], tables: Mapping[str, Sequence[str]]) -> str:
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1) -> list[str]:
-    """Return a Markdown table; the first ``words`` columns stand to the left, those of numbers to the right."""
+    """Return a Markdown table; the first ``words`` columns are aligned left, the numbers right."""
     ruler = ["---"] * words + ["---:"] * (len(titles) - words)
     return ["| " + " | ".join(cells) + " |" for cells in (titles, ruler, *rows)]
 

@@ -1,9 +1,9 @@
-"""The cost of ``peaks = true`` compared with that of the curves alone: solves by Newton's method and processor time.
+"""The cost of ``peaks = true`` compared with that of the curves alone: Newton solves and processor time.
 
     python jobs/bench/peaks_of_curves.py jobs/fan_small.toml jobs/lap_joint.toml --times 3
 
 With the levels and settings of each scene, on one rank, the structure built once; curves and curves with peaks in turn.  The last
-number is the part of the search for a higher solution on another piece of the curve (``on_higher_piece``), of the last run.
+number is the time of the search for a higher solution on another part of the curve (``on_higher_piece``), of the last run.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Clock:
     seconds = 0.0
 
     def timed(self, search, maximum):
-        """Return what the method returns."""
+        """Return the method's result, timed."""
         clock = time.process_time()
         try:
             return ON_HIGHER_PIECE(search, maximum)
@@ -52,7 +52,7 @@ def main() -> None:
     for path in given.scenes:
         solves, seconds = np.zeros((2, given.times), dtype=int), np.zeros((2, given.times))
         with microslip.build(microslip.read(path), MPI.COMM_SELF) as structure:
-            microslip.respond(structure, peaks=True)  # static columns of both
+            microslip.respond(structure, peaks=True)  # computes the static columns of both
             for i in range(given.times):
                 for with_peaks in (False, True):
                     of_pieces = Clock()

@@ -36,7 +36,7 @@ def main() -> None:
     values = np.union1d(np.geomspace(ends[0], ends[1], given.values), np.array(levels))
     scene, keys = microslip.read(given.scene), {"error_bars": False, "samples": given.samples}
     with microslip.build(scene, MPI.COMM_SELF) as structure:
-        microslip.respond(structure, levels=levels, **keys)  # static columns of both
+        microslip.respond(structure, levels=levels, **keys)  # computes the static columns of both
         clock = time.process_time()
         curves = microslip.respond(structure, levels=levels, peaks=True, **keys)
         of_curves, clock = time.process_time() - clock, time.process_time()

@@ -1,12 +1,13 @@
-"""One reduced model in four programs: microslip, NLvib, TMDSimPy and pyHarm, on what `microslip export` writes.
+"""One reduced model in four programs: microslip, NLvib, TMDSimPy and pyHarm, on the files that `microslip export` writes.
 
     python meshes/lap_joint.py --out meshes/lap_joint.msh
     python jobs/bench/peers.py [--out DIR] [--cases A,B] [--nlvib SRC] [--tmdsimpy FOLDER] [--python PYTHON] [--picture FILE]
 
-SRC is the folder SRC of NLvib, FOLDER where TMDSimPy was cloned, PYTHON an interpreter with pyHarm-os, psutil and jax.  A program
+SRC is the folder SRC of NLvib, FOLDER the clone of TMDSimPy, PYTHON an interpreter with pyHarm-os, psutil and jax.  A program
 that is not given is left out.  Prints for each case and program: the largest difference of any harmonic of any output from
-microslip's over its largest amplitude at that level, the median time of a point, and whether the law is the same; draws the
-curves.  All solve the same reduced model at the same frequencies, one after the other, with the return map at the samples.
+microslip's, relative to its largest amplitude at that level; the median time of a point; and whether the law is the same.  Draws
+the curves.  All programs solve the same reduced model at the same frequencies, one after the other, with the return map at the
+samples.
 """
 
 from __future__ import annotations
@@ -51,17 +52,17 @@ LOOKS = {"NLvib": ("#d55e00", "s"), "TMDSimPy": ("#009e73", "o"), "pyHarm": ("#0
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, and the programs that have its law."""
+    """A scene, and the programs with the same law."""
 
     title: str
     scene: microslip.Scene
     same: tuple[str, ...]
-    near: tuple[str, ...] = ()  # run as well: what they do is called another law
+    near: tuple[str, ...] = ()  # programs with another law, run on request
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What one program found: coefficients (n, n_outputs * (2 H + 1)) at levels and frequencies (n,)."""
+    """The curve of one program: coefficients (n, n_outputs * (2 H + 1)) at levels and frequencies (n,)."""
 
     level: np.ndarray  # N
     frequency: np.ndarray  # Hz
@@ -105,7 +106,7 @@ def cases(folder: Path, names: list[str]) -> Iterator[tuple[str, Case]]:
 
 
 def plane(folder: Path, of, response: dict) -> microslip.Scene:
-    """Return the mass of jobs/spatial.toml on a contact that knows x and z alone."""
+    """Return the mass of jobs/spatial.toml on a contact in x and z only."""
     (folder / "plane.csv").write_text("x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n0,-1,2,-1,-1,-1,0.4,1.0,0.0,1.5,2.5\n")
     return of("spatial.toml", {"pairs": str(folder / "plane.csv")}, **response)
 
@@ -142,7 +143,7 @@ def ours(scene: microslip.Scene, frequency: np.ndarray) -> Curve:
 
 
 def theirs(command: list[str], file: Path) -> Curve | str:
-    """Run a script of an export; return its curve, or what it said last."""
+    """Run a script of an export; return its curve, or its last line of output."""
     done = subprocess.run(command, capture_output=True, text=True, cwd=file.parent)
     if done.returncode:
         return (done.stderr or done.stdout).strip().splitlines()[-1][:120]
@@ -152,7 +153,7 @@ def theirs(command: list[str], file: Path) -> Curve | str:
 
 
 def commands(folder: Path, options) -> dict[str, tuple[list[str], Path]]:
-    """Return how each program that is there is run on an export."""
+    """Return the command of each available program for an export."""
     programs = {}
     if options.nlvib:
         programs["NLvib"] = (
@@ -217,7 +218,7 @@ def _line(program: str, law: str, text: str, curve: Curve) -> None:
 
 
 def draw(shown: list[tuple[Case, Curve, dict[str, Curve]]], path: str) -> None:
-    """Draw the curves of every case, and below the differences from microslip's."""
+    """Draw the curves of every case, and below them the differences from microslip's."""
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 

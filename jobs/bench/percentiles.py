@@ -1,12 +1,12 @@
-"""How few samples give the percentiles of a peak: Sobol points, Latin hypercubes and independent samples, compared with many samples.
+"""Samples needed for the percentiles of a peak: Sobol points, Latin hypercubes and independent samples, against many samples.
 
     python jobs/bench/percentiles.py [SCENE.toml] [--samples 1024] [--seeds 200]
 
-Solves the peaks of `--samples` Sobol points of four numbers on one structure: friction 15 %, preload 10 %, damping 10 % (lognormal),
-level 5 %.  Between them the amplitude is interpolated (thin plates, in the logarithms of the numbers), whose error is that at a
-fourth of the points left out.  On the interpolated amplitude `--seeds` designs of each kind and size are evaluated; printed is the
-root mean square of their errors in the percentiles 5, 50 and 95, in per cent of the distance from 5 to 95, which the amplitude
-has for 2^16 Sobol points.
+Solves the peaks of `--samples` Sobol points of four parameters on one structure: friction 15 %, preload 10 %, damping 10 %
+(lognormal), level 5 %.  The amplitude is interpolated between them (thin-plate splines in the logarithms of the parameters); the
+interpolation error is measured at a quarter of the points, left out.  `--seeds` designs of each kind and size are evaluated on
+the interpolant.  Printed: the root mean square of their errors in the percentiles 5, 50 and 95, in per cent of the distance from
+5 to 95, against 2^16 Sobol points.
 """
 
 from __future__ import annotations

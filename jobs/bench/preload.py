@@ -1,9 +1,10 @@
-"""What computed preload changes: the blade with uniform pressure, with that of its rotation, and stiffened by it.
+"""The effect of computed preload: the blade with uniform pressure, with the pressure of its rotation, and with stress stiffening.
 
     python jobs/bench/preload.py [--levels 1 5 10]
 
 Needs meshes/fan_small.msh (python meshes/fan_sector.py --size small --out meshes/fan_small.msh).  Prints a table: the joint at
-rest, the first frequency with what is closed stuck, and at each level the peak per newton, its frequency, slip and open pairs.
+rest, the first frequency with the closed pairs stuck, and at each level the peak per newton, its frequency, slipping and open
+pairs.
 """
 
 from __future__ import annotations

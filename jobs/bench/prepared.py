@@ -1,4 +1,4 @@
-"""A scene made ready for its response: what every benchmark starts from."""
+"""A scene prepared for its response: the start of every benchmark."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from microslip.points.sweep import Sweep
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.scene.read import read_scene
 
-MODES = 20  # of a scene with a mesh that states none
+MODES = 20  # of a scene with a mesh and without a stated number
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Prepared:
         return self.response.steps
 
     def steps_of(self, points: int) -> ArcLength:
-        """Return the step lengths for another number of points a level."""
+        """Return the step lengths for another number of points per level."""
         return arc_length_steps(replace(self.response.settings, points=points), self.curve)
 
     def problem(self, level: float) -> ForcedResponse:
@@ -55,9 +55,9 @@ class Prepared:
 
 
 def of_bench(scene, points: int | None = None):
-    """Return the scene by `receptance` with a stated number of modes, the same for every method: as it says, else ``MODES``.
+    """Return the scene with `receptance` and a fixed number of modes for every method: the scene's, else ``MODES``.
 
-    Matrices may be too small for so many: theirs are left to the program.  ``points`` a level take the place of the scene's.
+    Of matrices, which may be too small for so many, the program chooses.  ``points`` per level replaces the scene's.
     """
     modes = scene.solver.modes if scene.model.mesh is None else scene.solver.modes or MODES
     solver = scene.solver.model_copy(update={"method": "receptance", "modes": modes})
@@ -66,7 +66,7 @@ def of_bench(scene, points: int | None = None):
 
 
 def prepare(path: str, comm, points: int | None = None) -> Prepared:
-    """Return a scene, reduced; ``points`` a level in place of the scene's.  Collective on ``comm``."""
+    """Return a scene, reduced; ``points`` per level replaces the scene's.  Collective on ``comm``."""
     scene = of_bench(on_root(comm, read_scene, path), points)
     with RunLog(comm, screen=False) as log:
         structure = build(scene, comm, log)

@@ -3,10 +3,10 @@
     python jobs/bench/random_peaks.py [--systems 200] [--first 0] [--points 30] [--reference 150] [--samples 1024] [--show 1e-5]
 
 The structures are those of ``tests/verification/sharp_peaks.py --small``: 3 to 5 degrees of freedom, 1 or 2 pairs, 2 outputs, one
-level of slip.  A sweep has ``--reference`` points, and about each of its maxima three times six times as many between the
-neighbours; its maxima are those above 5 % of the largest from which the curve falls by 1 % on both sides.  The listed maximum of
-one is the nearest in amplitude of those between these two places; it is missed if that is lower by more than 1e-3.
-Differences are relative to the sweep, those of the amplitude positive where the listed maximum is higher.
+level with slip.  A sweep has ``--reference`` points; the intervals beside each of its maxima are refined three times by a factor
+of six.  Its maxima count if they exceed 5 % of the largest and the curve falls by 1 % on both sides.  The corresponding listed
+maximum is that between these two places with the nearest amplitude; it is missed if it is lower by more than 1e-3.  Differences
+are relative to the sweep; a positive amplitude difference means that the listed maximum is higher.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ class Maximum:
     omega: float  # rad/s
     size: float  # m
     by_points: float  # m, the highest point of the curve about it
-    listed: tuple[float, float]  # rad/s, m; the size is 0 where none is about it
+    listed: tuple[float, float]  # rad/s, m; the size is 0 if none is listed near it
 
     @property
     def higher(self) -> float:
-        """How much higher the listed one is [-]."""
+        """Relative height of the listed maximum above this one [-]."""
         return self.listed[1] / self.size - 1.0
 
     @property
     def shift(self) -> float:
-        """How far its frequency is from that of the sweep [-]."""
+        """Relative difference of its frequency from the sweep's [-]."""
         return abs(self.listed[0] / self.omega - 1.0)
 
 
@@ -85,7 +85,7 @@ class Sweeper:
         return row[1].parameter, max(sizes)
 
     def between(self, a: Iterate, b: Iterate, is_folded: bool) -> list[Iterate]:
-        """Return the solutions between two others that Newton's method reaches, by their frequencies or across their chord."""
+        """Return the solutions that Newton's method finds between two others, at fixed frequencies or across their chord."""
         size, force, there = self.solver.norm(a.U), self.solver.force(a, self.every), []
         rows = [((b.U - a.U) / size, tuple(self.solver.d_nu(a, b))), (np.zeros_like(a.U), (1.0,))]
         for share in np.arange(1, PARTS) / PARTS:
@@ -104,7 +104,7 @@ class Sweeper:
 
 
 def tops(omega: np.ndarray, amplitude: np.ndarray) -> Iterator[tuple[int, float, float]]:
-    """Yield the maxima of a sweep that are not faint: the point, and the range of frequencies where the curve is 1 % below."""
+    """Yield the maxima of a sweep that count: the point, and the frequencies on both sides where the curve is 1 % lower."""
     for i in np.flatnonzero((amplitude[1:-1] > amplitude[:-2]) & (amplitude[1:-1] >= amplitude[2:])) + 1:
         beyond = np.flatnonzero((amplitude < (1.0 - FALL) * amplitude[i]) | (amplitude > amplitude[i]))
         before, behind = beyond[beyond < i][-1:], beyond[beyond > i][:1]
@@ -114,7 +114,7 @@ def tops(omega: np.ndarray, amplitude: np.ndarray) -> Iterator[tuple[int, float,
 
 
 def compare(number: int, points: int, reference: int, samples: int) -> tuple[list[Maximum], int] | None:
-    """Return the maxima of the sweep of a system, and how many are listed; None where a curve ends early."""
+    """Return the maxima of the sweep of a system, and the number of listed ones; None where a curve ends early."""
     with response_of(7, number, True, samples) as response:
         (few,), (dense,) = (
             follow(replace(response, settings=replace(response.settings, points=n, peaks=n == points)))

@@ -1,9 +1,9 @@
-"""The cost of checkpoints of a run, and of continuing from them, compared with that of the run and its set-up.
+"""The cost of a run's checkpoints, and of continuing from them, compared with that of the run and of its set-up.
 
     [mpirun -n 2] python jobs/bench/restart_costs.py [SCENE.toml ...]
 
-Each scene is run twice in a new folder: at first from the beginning, then with its set-up from the cache and without its points.  Pictures
-are left out.  Prints a line of JSON for each scene; times are of rank 0: wall time, and in brackets of the processor.
+Each scene is run twice in a new folder: first from the beginning, then with its set-up from the cache and without its points.
+Pictures are left out.  Prints a line of JSON for each scene; times are wall times of rank 0, with processor time in brackets.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import os
 import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("MICROSLIP_CACHE", "off")  # every set-up is made
+os.environ.setdefault("MICROSLIP_CACHE", "off")  # the first set-up does not come from a cache
 import argparse
 import json
 import tempfile
@@ -68,7 +68,7 @@ class Clock:
 
 
 def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
-    """Return what a run takes: all of it, its set-up, checkpoints, continuation with a cached set-up.  Collective."""
+    """Return the times of a run: the whole, its set-up, checkpoints, continuation with a cached set-up.  Collective."""
     clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
     patched: list[tuple[Any, str, str]] = [(owner, name, "keeping") for owner, name in KEEPING]
     patched += [
@@ -88,7 +88,7 @@ def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
 
 
 def forget_points(folder: Path) -> None:
-    """Remove the levels of a run, and that it is done."""
+    """Remove the levels of a run, and the mark that it is complete."""
     for path in (folder / restart_folder.NAME).glob("level-*/*"):
         path.unlink()
     (folder / restart_folder.NAME / "done").unlink()

@@ -2,11 +2,12 @@
 
     python jobs/bench/roofline.py [SCENE.toml] [--level 15] [--points 98] [--calls 60]
 
-SCENE is jobs/fan_paper.toml unless given.  The response at the level is computed once; its calls of the kernels are then repeated
-one by one, the contact law in a sample of them; processor time, the least of some runs.  Operations are those that the formulas need:
-steps of the law in which a slider stays or moves, their derivatives, two periods of the march, the second of which shows that the
-cycle repeats.  Bytes are operands read once and results written once.  The limit is the larger of operations over the rate of a matrix
-product and bytes over the rate of reading an array of that size, mostly from a cache.  All numbers are means per point.
+SCENE is jobs/fan_paper.toml by default.  The response at the level is computed once; its kernel calls are then repeated one by
+one (a sample of those of the contact law).  Times are processor time, the least of several runs.  Operations are those that the
+formulas need: steps of the law in which a slider stays or moves, their derivatives, two periods of the march (the second shows
+that the cycle repeats).  Bytes are operands read once and results written once.  The limit is the larger of two times: operations
+over the rate of a matrix product, and bytes over the rate of reading an array of that size, mostly from a cache.  All numbers are
+means per point.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class Calls:
 
 
 def moving_steps(law: ElasticCoulomb, U: np.ndarray, n_samples: int, harmonics: Harmonics | None) -> np.ndarray:
-    """Return in how many steps of a period the slider of each pair moves, (n,), by the return map."""
+    """Return the number of steps of a period in which the slider of each pair moves, (n,), by the return map."""
     du = np.tensordot(synthesis_matrix(harmonics or Harmonics.full(U.shape[2]), n_samples), U, axes=(1, 2))
     p, moves = np.zeros((law.n_pairs, 3 + law.n_memory)), np.zeros(law.n_pairs, dtype=int)
     for j in (*range(n_samples), *range(n_samples)):

@@ -1,10 +1,10 @@
-"""Round bodies on flat ones against Hertz; under tangential loads they are in tangential_loading.py.
+"""Round bodies on flat ones compared with Hertz; tangential_loading.py adds tangential loads.
 
     python jobs/bench/round_contact.py [--cells 18] [--case sphere roller]
 
-Each row is a scene of its own: a cap pressed by a force on a rigid plane, or on an elastic base of another mesh, as nodes or cells.
-Radius of contact and largest pressure come from the pairs at rest: the paraboloid with the closed pairs' force and its second moment,
-and the pressure at the middle.
+Each row is a separate scene: a cap pressed by a force on a rigid plane, or on an elastic base of another mesh, with nodes or
+cells as contact points.  Radius of contact and largest pressure come from the pairs at rest: the paraboloid with the force and
+the second moment of the closed pairs, and the pressure at the centre.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from hertz import Hertz, hertz  # noqa: E402
 from msh import write_msh  # noqa: E402
 
 YOUNG, POISSON = 2.1e11, 0.3
-STIFF = 100.0  # of the contact's own springs, over Young's modulus and the radius of contact
+STIFF = 100.0  # stiffness of the contact springs over Young's modulus and the radius of contact
 SIZE, RADIUS, CONTACT = 0.01, 0.1, 0.00125  # m: of the cap, of curvature, and of the contact that the force is chosen for
 SCENE = """
 [model]
@@ -78,7 +78,7 @@ samples = 128
 
 @dataclass(frozen=True)
 class Case:
-    """What presses on what."""
+    """The two bodies of a contact."""
 
     shape: str = "sphere"
     pairing: str = "nodes"
@@ -92,7 +92,7 @@ def modulus(case: Case) -> float:
 
 
 def whole_force(case: Case) -> float:
-    """Return the force of the whole contact [N], of a roller per metre, that Hertz gives the radius CONTACT."""
+    """Return the force [N] (of a roller per metre) of the full contact that produces the radius CONTACT according to Hertz."""
     if case.shape == "roller":
         return np.pi * modulus(case) * CONTACT**2 / (4.0 * RADIUS)
     return 4.0 * modulus(case) * CONTACT**3 / (3.0 * RADIUS)
@@ -106,7 +106,7 @@ def largest_pressure(case: Case) -> float:
 
 
 def scene_of(case: Case, cells: int, folder: Path):
-    """Return the scene of a case and the share of the whole contact that its mesh has."""
+    """Return the scene of a case and the share of the full contact that its mesh covers."""
     given = Hertz(case.shape, SIZE, RADIUS, case.kind, cells, base=case.base)
     bodies = hertz(given)
     write_msh(str(folder / "hertz.msh"), {f"{name}_body": body for name, body in bodies.items()})
@@ -139,7 +139,7 @@ def scene_of(case: Case, cells: int, folder: Path):
 
 
 def at_rest(case: Case, cells: int, folder: Path) -> tuple[str, float, float, float]:
-    """Return what is closed, and force, radius of contact and largest pressure over Hertz's."""
+    """Return the closed pairs as text, and force, radius of contact and largest pressure over Hertz's."""
     scene, share = scene_of(case, cells, folder)
     with microslip.build(scene) as structure:
         pairs = structure.pairs
@@ -158,7 +158,7 @@ def at_rest(case: Case, cells: int, folder: Path) -> tuple[str, float, float, fl
 
 
 def in_words(case: Case, cells: int) -> str:
-    """Say what presses on what, and how their meshes meet."""
+    """Return a text with the two bodies and the relation of their meshes."""
     if not case.base:
         return f"{case.shape} on a rigid plane, nodes"
     how = {"points": "cells", "mortar": "mortar", "projected": "nodes projected"}[case.pairing]

@@ -1,9 +1,9 @@
-"""What samples buy: the error of the response with the path between samples and with the return map at samples alone.
+"""Error of the response against the number of samples: with the path between samples, and with the return map at the samples alone.
 
     python jobs/bench/samples.py [SCENE.toml] [--samples 32 64 128 256 512] [--reference 4096]
 
-Errors are those of the complex amplitude at the same frequencies, largest over levels and outputs, over the largest amplitude of the
-level; the reference follows the path with many samples.  Times are those of the response without set-up.
+Errors are those of the complex amplitude at the same frequencies, the largest over levels and outputs, relative to the largest
+amplitude of the level; the reference follows the path with many samples.  Times are those of the response without set-up.
 """
 
 import argparse

@@ -1,9 +1,9 @@
-"""What more ranks gain: the same run on several numbers of ranks, stage by stage, and a point of the response.
+"""The gain of more ranks: the same run on several numbers of ranks, stage by stage, and a point of the response.
 
     python jobs/bench/scaling.py [--sizes small paper] [--ranks 1 2] [--level 15] [--points 12] [--out DIR]
 
 Writes the measured tables of docs/scaling.md; runs and their logs go to DIR (results/scaling).  Times are the program's own, of
-the slowest rank; ranks beyond the machine's cores share them, and say nothing.
+the slowest rank; ranks beyond the machine's cores share them, so their times are not meaningful.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def scene_of(size: str) -> Path:
 
 
 def stages_of(scene: Path, ranks: int, level: float, points: int, folder: Path) -> Stages:
-    """Run a scene at one level on so many ranks, nothing taken from a cache, and return its stages and a point."""
+    """Run a scene at one level on this number of ranks without a cache, and return its stages and a point."""
     launch = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "-n", str(ranks)] if ranks > 1 else []
     values = ("--set", f"response.levels=[{level:g}]", "--set", f"response.points={points}")
     command = [*launch, sys.executable, "-m", "microslip", "run", str(scene), *values, "--fresh", "--out", str(folder)]
@@ -60,12 +60,12 @@ def seconds(value: float) -> str:
 
 
 def gain(times: list[float]) -> list[str]:
-    """Return times on each number of ranks and how many times as fast the last is as the first."""
+    """Return the times on each number of ranks, and the speed-up of the last over the first."""
     return [*map(seconds, times), f"{times[0] / times[-1]:.2f}"]
 
 
 def tables(sizes: dict[str, dict[int, Stages]]) -> dict[str, list[str]]:
-    """Return the tables of the page by name, of the stages of each size by number of ranks."""
+    """Return the page's tables by name, from the stages of each size and number of ranks."""
     made, rows = {}, []
     for size, runs in sizes.items():
         ranks, first = [f"{n} rank{'s' if n > 1 else ''}" for n in runs], next(iter(runs.values()))

@@ -1,9 +1,9 @@
-"""A run and a second one of the same structure with another friction, in folders of their own: what each takes, by stage.
+"""A run, and a second one of the same structure with another friction in another folder: times by stage.
 
     python jobs/bench/second_run.py [SCENE.toml ...] [--ranks 1 2] [--joint 1] [--friction 0.25] [--page docs/costs.md]
 
-The second run is made twice, with its fields on the mesh and without.  Prints a table, a row for each run, and writes it to a page:
-wall time of the whole command, and that of its stages, as run.log has them [s].
+The second run is done twice, with its fields on the mesh and without.  Prints a table, a row for each run, and writes it to a
+page: wall time of the whole command, and of its stages as in run.log [s].
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from page_tables import put, table
 ROOT = Path(__file__).parents[2]
 STAGE = re.compile(r"^(\S.*?) {2,}(\d+\.\d+) +\d+\.\d+%", flags=re.M)
 TITLES = "scene", "ranks", "run", "whole", "set-up", "response", "fields", "writing the factor", "pictures"
-OTHERS = ("response", "fields for ParaView", "factor for other runs", "pictures")  # stages that are no part of the set-up
+OTHERS = ("response", "fields for ParaView", "factor for other runs", "pictures")  # stages outside the set-up
 
 
 def taken(scene: Path, ranks: int, folder: Path, *settings: str) -> dict[str, float]:
-    """Return what a run takes by stage [s], "whole" with its start and end."""
+    """Return the times of a run by stage [s]; "whole" includes start and end."""
     launch = [os.environ.get("MPIRUN", "mpirun"), "-n", str(ranks)] if ranks > 1 else []
     command = [*launch, sys.executable, "-m", "microslip", "run", str(scene), "--out", str(folder)]
     start = time.perf_counter()

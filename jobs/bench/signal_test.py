@@ -1,17 +1,16 @@
-"""Test that a run that gets a signal at a random moment ends in time with its status, and that the same command then goes on.
+"""Test that a run stopped by a signal at a random moment ends in time with the right status, and that the same command continues it.
 
     python jobs/bench/signal_test.py [SCENE] [--times 200] [--ranks 1 2] [--seed S] [--earlier SHARE] [--set KEY=VALUE ...]
                                      [--stages NAME ...] [--folder DIR]
 
-The scene, by default a short form of the demo, runs once undisturbed on each number of ranks.  Then, `--times` times, it runs in a
-new folder and gets one signal, a third of them two of them, one shortly after the other.  A moment lies anywhere in the whole job, start and end
-included, or, in half of the trials, in one of the stages of the log, each as likely.  On one rank the signal goes to the process; on
-several in turn to one rank, to all ranks, and to mpirun.  The same command is then given again until the end.
+The scene, by default a short form of the demo, first runs undisturbed on each number of ranks.  Then, `--times` times, it runs in
+a new folder and gets one signal (in a third of the trials two in quick succession).  The moment is anywhere in the job, start and
+end included, or, in half of the trials, in a stage of the log, each equally likely.  On one rank the signal goes to the process;
+on several ranks in turn to one rank, to all ranks, and to mpirun.  The same command is then repeated until the end.
 
-A trial fails where the run, with all processes of its session, has not ended 10 s after the signal (SIGUSR1 ends nothing); where
-its status is another than 5, or 0 of a run that was done before; where mpirun got the signal itself, and then says 1; where not
-exactly one message was written; and where :mod:`kill_test` finds fault with the files or with the run that goes on.  Any failure
-makes status 1.
+A trial fails if the run, with all processes of its session, has not ended 10 s after the signal (SIGUSR1 ends nothing); if its
+status is not 5 (0 if the run was already complete; 1 if mpirun got the signal itself); if it did not write exactly one message;
+or if the checks of :mod:`kill_test` fail for the files or for the continued run.  Any failure makes status 1.
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ SHORT = ("response.levels=[5.0]", "response.points=20", "solver.error_bars=false
 SIGNALS = (*3 * (signal.SIGTERM,), signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)
 WITHIN = 10.0  # s
 STOPPED, OF_MPIRUN, BY_PYTHON = 5, 1, 1  # statuses; the last of SIGINT while Python starts
-BEFORE_PYTHON = 0.6  # s, about, in which Python has not reached the program
+BEFORE_PYTHON = 0.6  # s, about, until Python reaches the program
 _MESSAGE = "microslip: error: "
 
 
 class SignalTest(Test):
-    """The test of a scene in a folder: :class:`kill_test.Test`, with signals that can be answered in the place of SIGKILL."""
+    """The test of a scene in a folder: :class:`kill_test.Test`, with signals that can be caught instead of SIGKILL."""
 
     def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, trial: Trial) -> Run:
         """Start a run, send it a signal at some moment, and note how it ended."""
@@ -75,7 +74,7 @@ class SignalTest(Test):
         self._sleep(run, self.random.uniform(0.0, 1.2 * goal.stages[stages[i]]))
 
     def _send(self, run: Run, number: signal.Signals, ranks: int, trial: int) -> str:
-        """Send a signal, and return to whom."""
+        """Send a signal, and return its receiver as text."""
         of_ranks = _children(run.process.pid)
         if ranks == 1 or trial % 3 == 2 or not of_ranks:
             to, processes = "the process" if ranks == 1 else "mpirun", [run.process.pid]
@@ -91,7 +90,7 @@ class SignalTest(Test):
 
 
 def _log(out: Path) -> str:
-    """Return the log of a run over earlier results, or else of the folder: mpirun passes on no more points when it is stopped."""
+    """Return the log of the unfinished run or of the folder: a stopped mpirun forwards no more output."""
     logs = [out / "unfinished" / "run.log"] if (out / "restart" / "done").exists() else [out / "run.log"]
     return "".join(log.read_text() for log in logs if log.exists())
 

@@ -1,10 +1,10 @@
-"""A factor of K_L in single precision with refinement in double, and the count of modes by one, compared with MUMPS in double precision.
+"""A factor of K_L in single precision with refinement in double, and its mode count, compared with MUMPS in double precision.
 
     python meshes/fan_sector.py --size paper --out meshes/fan_paper.msh
     python jobs/bench/single_precision.py jobs/fan_paper.toml [--columns 1 16 64]
 
-One rank.  A copy of the bridge to MUMPS is built for smumps, in a temporary folder (Cython, gcc and MUMPS' headers are needed).
-Solutions are refined by conjugate gradients with the factor as preconditioner, all columns at once, until their residual is 1e-10.
+One rank.  A copy of the bridge to MUMPS is built for smumps, in a temporary folder (needs Cython, gcc and MUMPS' headers).
+Solutions are refined by conjugate gradients preconditioned with the factor, all columns at once, to a residual of 1e-10.
 """
 
 import argparse
@@ -45,7 +45,7 @@ RESIDUAL, MOST = 1e-10, 100
 
 
 def single_bridge(folder: str) -> ModuleType:
-    """Return the bridge to MUMPS in single precision, built from that in double."""
+    """Return the bridge to MUMPS in single precision, built from that in double precision."""
     source = BRIDGE.read_text()
     source = re.sub(r"double (?=\*|cntl|rinfo)|double(?=\[)", lambda match: match[0].replace("double", "float"), source)
     Path(folder, "_smumps.pyx").write_text(source.replace("dmumps", "smumps").replace("DMUMPS", "SMUMPS"))

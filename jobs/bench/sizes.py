@@ -2,9 +2,9 @@
 
     python jobs/bench/sizes.py [--jobs lap_10 demo ...] [--ranks 1] [--docs docs] [--readme README.md]
 
-Each job is one `microslip run`: mesh, modes with their verification, all levels of the scene with error bars, fields, pictures.  Its
-mesh is generated in a temporary folder; nothing that an earlier run stored is used.  Writes the table of docs/costs.md and the
-smaller one of README.md, and prints the first.
+Each job is one `microslip run`: mesh, modes with the check of their number, all levels of the scene with error bars, fields,
+pictures.  Its mesh is generated in a temporary folder; no cache is used.  Writes the table of docs/costs.md and the smaller one
+of README.md, and prints the first.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from page_tables import put, table
 ROOT = Path(__file__).parents[2]
 SIZE = re.compile(r"^(\d+) DOF, (\d+) contact pairs", flags=re.M)
 LEVEL = re.compile(r"^level \d+ of \d+: (\S+ N): (\d+) points.*?(\d+) of \d+ pairs slip", flags=re.M)
-SET_UP = ("response", "fields for ParaView", "factor for other runs", "pictures", "total")  # what is no part of the set-up
+SET_UP = ("response", "fields for ParaView", "factor for other runs", "pictures", "total")  # stages outside the set-up
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ TITLES = "job", "contact pairs", "DOF", "levels; points", "pairs that slip, at m
 
 @dataclass(frozen=True)
 class Cost:
-    """What a job took: its log, wall and processor time of the whole command [s], of all ranks together."""
+    """Cost of a job: its log, wall and processor time of the whole command [s], of all ranks together."""
 
     log: str
     wall: float
@@ -83,7 +83,7 @@ class Cost:
 
 
 def cost(job: Job, ranks: int) -> Cost:
-    """Return what a job takes."""
+    """Run a job and return its cost."""
     launch = [os.environ.get("MPIRUN", "mpirun"), "-n", str(ranks)] if ranks > 1 else []
     environment = {**os.environ, "MICROSLIP_CACHE": "off", "OPENBLAS_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""A joint under a load that goes slowly back and forth: the condensed equations of the statics, marched in small steps over a cycle."""
+"""A joint under a slow cyclic load: the condensed static equations, integrated in small steps over a cycle."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
 from microslip.statics.equilibrium import Contact, Flexibility, Loading, State
 
-STEPS = 10  # from none to the largest load, half as many as from one largest load to the other
+STEPS = 10  # from zero to the largest load; twice as many from one extreme to the other
 
 
 @dataclass(frozen=True, eq=False)
 class SlowCycle:
-    """A joint at rest under the constant loads of a scene, and what moves it, per newton of the scene's load."""
+    """A joint at rest under the constant loads of a scene, and its motion per newton of the scene's load."""
 
     linearised: Linearised
     pairs: ContactPairs
@@ -64,9 +64,9 @@ class SlowCycle:
         return -self.force(self.rest)[:, 2]
 
     def run(self, load: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return which points stick all through a cycle between -load and load [N], friction at load [N], and losses [J].
+        """Return the points that stick throughout a cycle between -load and load [N], friction at load [N], and losses [J].
 
-        The cycle begins where the load has first been reached.
+        The cycle begins when the load is first reached.
         """
         now = self._march(self.rest, 0.0, load, STEPS, None)
         largest, losses, moves = self.force(now)[:, :2], np.zeros(self.pairs.n_pairs), np.zeros(self.pairs.n_pairs, dtype=bool)
@@ -75,7 +75,7 @@ class SlowCycle:
         return ~moves, largest, losses
 
     def _march(self, now: State, start: float, end: float, n_steps: int, record) -> State:
-        """Return the state after the load has gone from one value to another; losses and moves are added to ``record``."""
+        """Return the state after the load has changed from one value to another; losses and moves are added to ``record``."""
         values = np.linspace(start, end, n_steps + 1)
         for before, after in zip(values[:-1], values[1:]):
             held = self.pressed + before * self.pushed
@@ -89,5 +89,5 @@ class SlowCycle:
         return now
 
     def _slider(self, state: State) -> np.ndarray:
-        """Return where the sliders stand, (n_pairs, 2) [m]."""
+        """Return the positions of the sliders, (n_pairs, 2) [m]."""
         return -state.p[:, :2] / self.pairs.law.stiffness[:, :2]

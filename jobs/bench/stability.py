@@ -1,8 +1,8 @@
-"""The cost of the multipliers of a point compared with its solution, in processor time.
+"""The cost of the Floquet multipliers of a point compared with its solution, in processor time.
 
     python jobs/bench/stability.py jobs/fan_small.toml --level 15 --points 40
 
-The curve of one level is followed without stability; then the multipliers of some of its points are computed.
+The curve of one level is computed without stability; then the multipliers of some of its points.
 """
 
 from __future__ import annotations

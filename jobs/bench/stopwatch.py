@@ -1,4 +1,4 @@
-"""Where time goes, measured from outside: functions of the program are wrapped while a stopwatch runs."""
+"""Times of functions of the program, measured from outside: they are wrapped while a stopwatch runs."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 
 class Stopwatch:
-    """Exclusive time and number of calls by group of functions; put back as they were on leaving the context.
+    """Exclusive time and number of calls by group of functions; leaving the context restores the functions.
 
     Parameters
     ----------
-    groups : (owner, name of its attribute, group) of each function; a function called from another one is counted with its
-        own group only
+    groups : (owner, name of its attribute, group) of each function; a function called from another one is counted only
+        in its own group
     clock : processor time of this process by default, which others on the machine disturb least
     """
 
@@ -55,6 +55,6 @@ class Stopwatch:
         return timed
 
     def reset(self) -> None:
-        """Forget what was counted so far."""
+        """Set all times and counts to zero."""
         self.seconds.clear()
         self.calls.clear()

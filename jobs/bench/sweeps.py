@@ -1,10 +1,10 @@
-"""What a sweep of peaks costs beside curves: frictions of a scene, each by its peak alone and by its curve.
+"""The cost of a sweep of peaks compared with curves: frictions of a scene, each by its peak alone and by its curve.
 
     python jobs/bench/sweeps.py [SCENE.toml] [--joint dovetail] [--frictions 0.1:0.6:11]
 
-Prints a line for each friction: amplitude and frequency of its peak, Newton iterations and seconds of the processor of the peak with
-its half-power width, and of the curve without peaks and error bars; then their totals.  With --alone also the largest difference of
-amplitude, frequency and width to a sweep of that sample alone.
+Prints a line for each friction: amplitude and frequency of its peak, Newton iterations and processor seconds of the peak with its
+half-power width, and of the curve without peaks and error bars; then the totals.  With --alone also the largest difference in
+amplitude, frequency and width from a sweep of that sample alone.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Reduced models of any number of pairs without finite elements, for the growth of the response part.
+"""Reduced models of any number of pairs without finite elements, to measure how the cost of the response grows.
 
-The joint is a patch of pairs on a grid whose opposite edges meet: what one pair feels of another depends on their distance along
-the grid alone, so that a column is known without a matrix, and a joint of any size costs no more than its columns.  Without its springs it gives under a force by F, which decays with distance; with the
-springs K_J = k I and one more compliance C of modes by
+The joint is a periodic patch of pairs on a grid: the coupling of two pairs depends only on their distance along the grid, so that
+a column needs no matrix, and a joint of any size costs only its columns.  Its compliance without the joint's springs is F, which
+decays with distance; with the springs K_J = k I and the compliance C of the modes the static compliance is
 
     G_static = (F^-1 + K_J / (1 - beta))^-1 + r Omega^-2 r^T,        |K_J^(1/2) r Omega^-2 r^T K_J^(1/2)| = beta,
 
-so that K_J^(1/2) G_static K_J^(1/2) < 1 as in any structure.  The modes move the patch smoothly; the first one resonates
-below the frequencies used here and the load presses it.  The friction limits are set from the stuck motion, so that the wanted
+so that K_J^(1/2) G_static K_J^(1/2) < 1 as in any structure.  The modes move the patch smoothly; the first one resonates below
+the frequencies used here, and the load excites it.  The friction limits are set from the stuck motion, so that the requested
 share of pairs slips.
 """
 
@@ -82,7 +82,7 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
 
 
 def grid(n_pairs: int) -> tuple[int, int]:
-    """Return the two numbers of pairs nearest to each other whose product is ``n_pairs``."""
+    """Return the two factors of ``n_pairs`` that are nearest to each other."""
     short = next(n for n in range(int(np.sqrt(n_pairs)), 0, -1) if n_pairs % n == 0)
     return short, n_pairs // short
 
@@ -95,8 +95,8 @@ def patch(shape: tuple[int, int]) -> np.ndarray:
 def local_compliance(shape: tuple[int, int]) -> np.ndarray:
     """Return (F^-1 + K_J / (1 - beta))^-1 of one direction between the first pair and each, (n_pairs,) [m/N].
 
-    F is the sum of 4 exp(-distance) / k over a pair and its images beyond the edges.  Both are circulant over the grid: Fourier's
-    transform makes them diagonal.
+    F is the sum of 4 exp(-distance) / k over a pair and its images beyond the edges.  Both are circulant over the grid: the
+    Fourier transform diagonalises them.
     """
     x, images = patch(shape), np.stack(np.meshgrid(*2 * [np.arange(-3, 3)]), axis=-1).reshape(-1, 2)
     F = sum(4.0 / K_T * np.exp(-np.linalg.norm(x + image, axis=1) / DECAY) for image in images)
@@ -105,7 +105,7 @@ def local_compliance(shape: tuple[int, int]) -> np.ndarray:
 
 
 def offsets(a: np.ndarray, b: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return the pair that is as far from the first one as pairs ``a`` are from pairs ``b``, (n_a, n_b)."""
+    """Return the pair whose offset from the first pair is that of pairs ``a`` from pairs ``b``, (n_a, n_b)."""
     (i, j), (k, m) = divmod(a[:, None], shape[1]), divmod(b, shape[1])
     return (i - k) % shape[0] * shape[1] + (j - m) % shape[1]
 
@@ -132,5 +132,5 @@ def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level
 
 
 def frequencies(n: int) -> np.ndarray:
-    """Return ``n`` frequencies about OMEGA [rad/s], with distances of a few per mille as along a curve."""
+    """Return ``n`` frequencies about OMEGA [rad/s], a few per mille apart, as along a curve."""
     return OMEGA * (1.0 + 2e-3 * (np.arange(n) - n // 2))

@@ -1,12 +1,12 @@
-"""A sphere and a roller pressed on an elastic base and pushed back and forth against Cattaneo, Mindlin and Deresiewicz.
+"""A sphere and a roller under normal and cyclic tangential load, compared with Cattaneo, Mindlin and Deresiewicz.
 
     python jobs/bench/tangential_loading.py [--by march response] [--case roller ...] [--rings 12 24] [--shares 0.5 0.8]
 
-Each case is a scene: statics press the body on the base, then a force at the grip pushes it back and forth at shares of the friction limit;
-by its response far below the first mode, or by the equations of the statics in small steps, a slow cycle without harmonics.
-Everything comes from the contact points: the radius of contact from the second moment of the normal forces, the tractions from friction
-over area when the load is largest, the loss a cycle point by point; the radius of the stick zone by the area of the points that stick,
-and by their tractions, which come to the limit at its edge as the root of the distance.
+Each case is a scene: statics press the body on the base, then an alternating force on the grip loads it to shares of the friction
+limit; by its response far below the first mode, or by the static equations in small steps, a slow cycle without harmonics. All
+results come from the contact points: the radius of contact from the second moment of the normal forces, the tractions from
+friction over area at the largest load, the loss per cycle point by point; the radius of the stick zone from the area of the
+sticking points, and from their tractions, which approach the limit at its edge as the square root of the distance.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ import microslip
 
 @dataclass(frozen=True, eq=False)
 class Pushed:
-    """Contact points under a share of the friction limit, whatever found them."""
+    """Contact points under a share of the friction limit, by response or march."""
 
     sticks: np.ndarray  # (n,) bool, through the whole cycle
     friction: np.ndarray  # (n, 2) N, when the load is largest
@@ -45,12 +45,12 @@ class Pushed:
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """The points at rest, those that are closed alone."""
+    """The closed points at rest."""
 
     r: np.ndarray  # (n,) m
     area: np.ndarray  # (n,) m2
     N: np.ndarray  # (n,) N
-    part: float  # of the whole contact
+    part: float  # share of the full contact
 
     @classmethod
     def of(cls, case: Case, pairs, N: np.ndarray, part: float) -> Contact:
@@ -59,15 +59,15 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a run has at a share of the friction limit, over theory."""
+class OverTheory:
+    """Results of a run at a share of the friction limit, over theory."""
 
     share: float
     n_slips: int
     stick: float  # radius of the stick zone, by the area of the points that stick
     fitted: float  # the same, by the tractions of those points
     traction: float  # mean difference of the tractions over the mean traction
-    rings: float  # the same of their means over rings, or rows, of the cap
+    rings: float  # the same for their means over rings (or rows) of the cap
     balance: float  # friction of all points over the force
     loss: float
 
@@ -79,13 +79,13 @@ def at_rest(case: Case, contact: Contact) -> tuple[float, float]:
     return radius / case.mesh.contact, contact.N[inner].sum() / (contact.area[inner] @ case.pressure(contact.r[inner]))
 
 
-def over_theory(case: Case, share: float, contact: Contact, pushed: Pushed) -> Found:
+def over_theory(case: Case, share: float, contact: Contact, pushed: Pushed) -> OverTheory:
     """Return stick radius, tractions and loss over theory."""
     size, sticks, part = np.hypot(*pushed.friction.T), pushed.sticks, contact.part
     q, exact = size / contact.area, case.traction(contact.r, share)
     stuck = contact.area[sticks].sum() / part
     ratio = size[sticks] / (MU * contact.N[sticks])
-    return Found(
+    return OverTheory(
         share,
         np.count_nonzero(~sticks),
         (0.5 * stuck if case.is_roller else np.sqrt(stuck / np.pi)) / case.stick_radius(share),
@@ -98,12 +98,12 @@ def over_theory(case: Case, share: float, contact: Contact, pushed: Pushed) -> F
 
 
 def of_rings(case: Case, contact: Contact, q: np.ndarray) -> np.ndarray:
-    """Return the integrals [N] of q (n,) over rings as wide as those of the cap, about its rings of nodes."""
+    """Return the integrals [N] of q (n,) over rings as wide as those of the cap, centred on its rings of nodes."""
     return np.bincount(np.rint(contact.r / case.mesh.contact * case.mesh.rings).astype(int), contact.area * q)
 
 
 def fitted_radius(a: float, r: np.ndarray, ratio: np.ndarray) -> float:
-    """Return the radius of the stick zone [m] from friction over its limit at points that stick, the outer ones.
+    """Return the radius of the stick zone [m] from friction over its limit at the outer sticking points.
 
     Cattaneo's tractions have (1 - ratio)^2 (a^2 - r^2) = c^2 - r^2, of a sphere as of a roller, whatever the force.
     """
@@ -128,7 +128,7 @@ def by_response(case: Case, shares, folder: Path) -> tuple[Contact, list[Pushed]
 
 
 def largest_friction(law, U: np.ndarray, n_samples: int) -> np.ndarray:
-    """Return the friction of the points when the load is largest, (n, 2) [N]: the law, step by step along their motion U."""
+    """Return the friction of the points at the largest load, (n, 2) [N]: the law, step by step along their motion U."""
     harmonics, p = np.arange(1, U.shape[2] // 2 + 1), np.zeros(U.shape[:2])
     for t in np.linspace(0.0, 4.0 * np.pi, 2 * n_samples + 1):
         wave = np.concatenate([[1.0], np.stack([np.cos(harmonics * t), np.sin(harmonics * t)], axis=1).ravel()])
@@ -148,7 +148,7 @@ def by_march(case: Case, shares, folder: Path) -> tuple[Contact, list[Pushed]]:
 
 
 def in_words(case: Case) -> str:
-    """Say how finely the bodies are meshed, and how their meshes meet."""
+    """Return a text with the mesh densities of the bodies and the relation of their meshes."""
     mesh = case.mesh
     numbers = [f"{mesh.rings}", f"{mesh.base_rings}"]
     if not case.is_roller:
@@ -157,7 +157,7 @@ def in_words(case: Case) -> str:
     return f"{mesh.shape} | {numbers[0]} | {'the same' if numbers[0] == numbers[1] else numbers[1]} | {how}"
 
 
-SIZE = {"sphere": 0.01, "roller": 0.04}  # m: what a body's far sides change falls with the cube, and with the square
+SIZE = {"sphere": 0.01, "roller": 0.04}  # m: the effect of the far sides falls with the cube, and with the square
 BY = {"march": by_march, "response": by_response}
 
 
@@ -200,15 +200,13 @@ def main():
     parser.add_argument("--by", nargs="+", default=["march"], choices=list(BY))
     parser.add_argument("--case", nargs="+", default=["roller", "sphere"], choices=["roller", "sphere"])
     parser.add_argument("--rings", type=int, nargs="+", default=[12, 24], help="of the cap, over the radius of contact")
-    parser.add_argument(
-        "--apart", type=int, nargs="+", default=[0, 5], help="rings that the base has more, each a case of its own"
-    )
+    parser.add_argument("--apart", type=int, nargs="+", default=[0, 5], help="additional rings of the base, a case for each")
     parser.add_argument("--pairing", nargs="+", default=["projected", "points"], choices=["projected", "points", "mortar"])
     parser.add_argument("--shares", type=float, nargs="+", default=[0.5, 0.8], help="of the friction limit")
     parser.add_argument(
         "--stiff", type=float, default=Case.stiff, help="of the contact's springs, over Young's modulus and radius"
     )
-    parser.add_argument("--size", type=float, help="of the bodies [m], if not 0.01 of spheres and 0.04 of rollers")
+    parser.add_argument("--size", type=float, help="of the bodies [m] (default: 0.01 for spheres, 0.04 for rollers)")
     parser.add_argument("--poisson", type=float, default=Case.poisson)
     parser.add_argument("--harmonics", type=int, default=Case.harmonics)
     parser.add_argument("--samples", type=int, default=Case.samples)

@@ -1,7 +1,7 @@
 """Trade of several scenes: the measured parts of docs/trade.md.
 
 python jobs/bench/trade_docs.py                                                     # all four scenes, docs/trade.md
-python jobs/bench/trade_docs.py jobs/fan_small.toml --seconds 60                    # one of them again
+python jobs/bench/trade_docs.py jobs/fan_small.toml --seconds 60                    # measures one of them again
 python jobs/bench/trade_docs.py --draw                                              # the page from stored measurements
 
 A measurement is stored in results/SCENE_trade/measured.json.  The first table of the page has rows of all stored measurements.
@@ -59,7 +59,7 @@ CHOSEN = "scene", "target, % of the peak", "error measured, %", "ratio", "respon
 
 @dataclass(frozen=True)
 class Measured:
-    """A study of a scene, and what its figures depend on."""
+    """A study of a scene, and the conditions of its measurement."""
 
     scene: str
     study: Study
@@ -120,7 +120,7 @@ def stored(name: str) -> Path:
 
 
 def chosen(measured: Measured) -> list[list[str]]:
-    """Return the rows of the first table: the fastest setting for each target, or how near the runs come."""
+    """Return the rows of the first table: the fastest setting for each target, or the smallest error of the runs."""
     study, known, lines = measured.study, measured.study.reference.floor, []
     best = min(study.complete, key=lambda run: study.score(run).error, default=None)
     for target in TARGETS:
@@ -145,7 +145,7 @@ def anchor(title: str) -> str:
 
 
 def section(measured: Measured) -> list[str]:
-    """Return the section of a scene: reference, table, what its rows do not say, and the settings of the first table."""
+    """Return the section of a scene: reference, table, its remarks, and the settings of the first table."""
     study = measured.study
     head = [COLUMNS[key][0] for key in SHOWN]
     cells = [[cell.replace("<", "&lt;") for cell in row] for row in rows(study)]

@@ -1,12 +1,12 @@
-"""Every bad input and every fault of the catalogue as a user meets it: in processes of its own, on some ranks, in limited time.
+"""Every bad input and every fault of the catalogue as a user meets it: in separate processes, on some ranks, in limited time.
 
     python jobs/bench/try_catalogue.py [--ranks 1 2] [--sorts scene model matrices command results machine fault] [--only WORD]
                                    [--every N] [--once] [--messages]
 
-Each works on a folder of sound files of which one is spoiled (tests/catalogue).  What must come of it: the status that is promised,
-one message that holds what a user needs, no traceback, an end in time, and the results of an earlier run as they were; after a fault
-also an end within 10 s, and that the same command then ends well.  `--messages` shows what is said; `--every` takes some of them only.
-Any violation makes status 1.
+Each entry works on a folder of valid files of which one is spoiled (tests/catalogue).  Expected are the promised status, one
+message with the information that a user needs, no traceback, an end in time, and unchanged results of an earlier run; after a
+fault also an end within 10 s, and success of the same command afterwards.  `--messages` shows the messages; `--every` takes only
+some entries. Any violation makes status 1.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ ENTRIES = {
 
 
 def chosen(arguments: argparse.Namespace) -> list[tuple[str, str, object]]:
-    """Return sort, name and entry of those that are requested."""
+    """Return sort, name and entry of the requested entries."""
     entries = [(sort, name, entry) for sort in arguments.sorts for name, entry in ENTRIES[sort] if arguments.only in name]
     entries = [one for one in entries if not (getattr(one[2], "not_by_root", False) and os.geteuid() == 0)]
     return entries[:: arguments.every]
 
 
 def message(said: str) -> str:
-    """Return what was said, in a line."""
+    """Return the message in one line."""
     return " ".join((said.partition(MARK)[2] or said[-200:]).split())[:400]
 
 
@@ -56,7 +56,7 @@ def main() -> None:
     parser.add_argument("--sorts", nargs="+", choices=ENTRIES, default=list(ENTRIES))
     parser.add_argument("--only", default="", metavar="WORD", help="of the names")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="the first of each N")
-    parser.add_argument("--once", action="store_true", help="of faults: do not run again")
+    parser.add_argument("--once", action="store_true", help="do not repeat the command after a fault")
     parser.add_argument("--messages", action="store_true")
     arguments = parser.parse_args()
     print("\n".join(machine.lines(machine.facts())), flush=True)
@@ -75,7 +75,7 @@ def main() -> None:
                     ended, wrong = processes.bad_input(entry, sound, here, ranks)
                 shutil.rmtree(here)
                 good, n, longest = counts.get((sort, ranks), (0, 0, 0.0))
-                is_longer = getattr(entry, "within", WITHIN) > WITHIN  # the watchdog's own time
+                is_longer = getattr(entry, "within", WITHIN) > WITHIN  # the watchdog's limit
                 counts[sort, ranks] = good + (not wrong), n + 1, longest if is_longer else max(longest, ended.seconds)
                 if wrong or arguments.messages:
                     print(

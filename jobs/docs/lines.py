@@ -1,10 +1,10 @@
-"""Lines of the package by part, and of what was added after version 0.1.0: the table of docs/architecture.md.
+"""Lines of the package by part, and of the features added after version 0.1.0: the table of docs/architecture.md.
 
     python jobs/docs/lines.py                      # the working tree, written to the page
     python jobs/docs/lines.py c593cb3              # a commit (this one is 0.1.0), printed
 
-Lines of Python, all and those with code: without docstrings, comments and blank lines.  Each file counts once: in the first
-feature whose pattern its path matches, else in the part of its room.
+Lines of Python, all and those with code: without docstrings, comments and blank lines.  Each file counts once: for the first
+feature whose pattern its path matches, otherwise for the part of its folder.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ FEATURES = {
     "modes as a command": ("studies/modes/*",),
     "parts of a level on groups of ranks": ("continuation/divided.py", "library/side_by_side.py"),
 }  # fmt: skip
-# rooms of the rest
+# parts of the other files, by folder
 PARTS = {
     "numerics": (
         "fourier", "contact", "points", "receptance", "harmonic", "error_estimate", "continuation", "transient", "linear",

@@ -4,7 +4,8 @@
     microslip run jobs/fan_small.toml && microslip convert results/fan_small/results.h5 --to vtkhdf
     python jobs/docs/paraview.py results/fan_small docs/img/paraview.png
 
-Left the structure at four instants of a period at the peak of the last level, right the joint at each level by its friction loss.
+Left: the structure at four instants of a period, at the peak of the last level.  Right: the friction loss in the joint at each
+level.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def colours(low: float, high: float):
 
 
 def structure(path: Path, step: int):
-    """Return the structure as it is displaced at a step, coloured by how far."""
+    """Return the displaced structure at a step, coloured by the displacement."""
     grid = step_of(path, step).GetOutput()
     u = vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
     points, size = vtk.vtkPoints(), numpy_to_vtk(np.linalg.norm(u, axis=1), deep=True)
@@ -75,7 +76,7 @@ def joint(path: Path, step: int, most: float):
 
 
 def put(window, box: tuple[float, float, float, float], actor, view: tuple[float, float, float], up: int, zoom: float) -> None:
-    """Place an actor in a part of the window, seen from a place with an axis upward."""
+    """Place an actor in a part of the window, seen from a point with an axis upward."""
     renderer = vtk.vtkRenderer()
     renderer.SetViewport(*box)
     renderer.SetBackground(1.0, 1.0, 1.0)
@@ -90,7 +91,7 @@ def put(window, box: tuple[float, float, float, float], actor, view: tuple[float
 
 
 def write(window, x: float, y: float, text: str) -> None:
-    """Write a text at a place of the window, in shares of its size."""
+    """Write a text at a place of the window, in fractions of its size."""
     words, renderer = vtk.vtkTextActor(), vtk.vtkRenderer()
     words.SetInput(text)
     words.GetTextProperty().SetColor(0.1, 0.1, 0.1)

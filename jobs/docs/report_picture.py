@@ -1,10 +1,10 @@
-"""Open a report in a browser as its reader does, and make a picture of it: docs/img/report.png.
+"""Open a report in a headless browser and take a picture of it: docs/img/report.png.
 
     microslip run jobs/fan_small.toml && microslip report results/fan_small/results.h5
     python jobs/docs/report_picture.py results/fan_small/report.html docs/img/report.png [--width 1280] [--height 1500]
 
-needs chromium (Debian: chromium), or another browser of its family; no screen and no graphics card. Ends with status 1 where the
-page says an error, asks for another machine, or is blank.
+Needs chromium (Debian: chromium) or a browser of its family; no screen and no graphics card. Exit status 1 if the page logs an
+error, requests anything from the network, or is blank.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from matplotlib.image import imread
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge")
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # WebGL without a graphics card
-NOWHERE = "--proxy-server=http://127.0.0.1:9"  # where nothing listens: what asks for another machine fails, and says so
+NOWHERE = "--proxy-server=http://127.0.0.1:9"  # a proxy that does not exist: network requests fail with an error
 LEAST_SPREAD = 0.05  # of the brightness, 0 to 1, of a page that is not blank
 FAULT = re.compile(r"CONSOLE.*(?:Uncaught|Refused|Failed to load|ERR_|WebGL.*(?:not|fail)).*", re.IGNORECASE)
 
 
 def opened(page: Path, picture: Path, width: int, height: int) -> list[str]:
-    """Draw a page in a window of a size [pixels]; return what the browser complains of."""
+    """Draw a page in a window of a size [pixels]; return the errors that the browser logs."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         sys.exit(f"none of {', '.join(BROWSERS)} is here (Debian: apt-get install chromium)")
@@ -52,7 +52,7 @@ def main() -> None:
         faults = ["the picture is blank"]
     if faults:
         sys.exit("\n".join(faults))
-    print(f"{arguments.picture}: {arguments.page} at {arguments.width} pixels, without a complaint")
+    print(f"{arguments.picture}: {arguments.page} at {arguments.width} pixels, no errors")
 
 
 if __name__ == "__main__":

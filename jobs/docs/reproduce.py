@@ -1,12 +1,12 @@
-"""Run the commands that a page of docs names, and compare the tables they make with those of the page, number by number.
+"""Run the commands named on pages of docs, and compare the tables they make with those of the page, number by number.
 
     python jobs/docs/reproduce.py [docs/PAGE.md ...] [--seconds 300] [--only TEXT] [--without TEXT] [--list]
 
-The commands of a page run in its order, in a copy of the project that holds no pages, so that every table found after one,
-printed or written to docs/, is of its making, and meshes that one makes are there for the next.  A table of the page is compared
-with the one that most of its rows agree with in their first cell.  Numbers are of three classes: of the model, judged; of the
-machine (times, memory), counted; ratios of times (speed-up), of which the largest change is reported.
-Prints a line a table, each number of the model that differs, and tables that no command made; status 1 where a number differs.
+The commands of a page run in order in a copy of the project without pages: every table that exists after a command, printed or
+written to docs/, was made by it; meshes made by one command are available to the next.  A table of the page is compared with the
+made table that matches most of its rows by their first cell.  Numbers are of three classes: of the model (compared); of the
+machine (times, memory; only counted); ratios of times (speed-ups; the largest change is reported). Prints a line per table, each
+number of the model that differs, and tables that no command made; exit status 1 if a number differs.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 COMMAND = re.compile(r"(?:[A-Z_]+=\S+ )*(?:python|microslip|mpirun) .+")
-WANTS = re.compile(r"\b(?:FOLDER|SCENE|PYTHON|READER|FILE|MODEL|RESULTS|DIR)\b|…")  # what the reader is to fill in
+WANTS = re.compile(r"\b(?:FOLDER|SCENE|PYTHON|READER|FILE|MODEL|RESULTS|DIR)\b|…")  # placeholders for the reader
 MENTION = re.compile(
     r"microslip (?!doctor)\w+|python (?:-P )?-m(?: microslip)?|mpirun (?:-n \d+|--oversubscribe)"
-)  # names one alone
+)  # names a command only
 LEFT_OUT = {".": {".git", ".venv", "results"}, "docs": {"_build"}}  # of a folder; pages and compiled Python everywhere
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 LENGTH = re.compile(rf"({NUMBER.pattern}) (mm|\u00b5m|\u03bcm)(?![a-z])")
@@ -45,10 +45,10 @@ PEAKS = [
     "points that slip, open",
 ]
 OF_THE_MACHINE = re.compile(r"(?<![\w/])(?:s|ms|us|min|seconds?|times?|wall|clock|processor|MiB|GiB|GFlop)\b")
-A_RATIO = re.compile(r"\bspeed-?up\b|\bfaster\b|\btimes as fast\b")  # of times, in the name of a row or column
+A_RATIO = re.compile(r"\bspeed-?up\b|\bfaster\b|\btimes as fast\b")  # ratios of times, in the name of a row or column
 FACTOR = re.compile(rf"{NUMBER.pattern}x(?![\w ])")  # 7600x in a cell
 MODEL, MACHINE, RATIO = "of the model", "of the machine", "ratios of times"
-ROUNDING, ITS_SPREAD = 1e-7, 100.0  # numbers below the first are of rounding: they agree within the second
+ROUNDING, ITS_SPREAD = 1e-7, 100.0  # numbers below the first are rounding errors: they agree within the second factor
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Table:
     rows: list[list[str]]
 
     def named(self) -> list[tuple[str, list[str]]]:
-        """Return the rows, each with its name: its first cell, or the one above where that is empty."""
+        """Return the rows, each with its name: its first cell, or the one above if that is empty."""
         name, rows = "", []
         for row in self.rows:
             name = row[0] or name
@@ -70,7 +70,7 @@ class Table:
 
 @dataclass
 class Comparison:
-    """What became of a table: numbers by class, and the cells that differ (row, column, page, now)."""
+    """The comparison of a table: numbers by class, and the cells that differ (row, column, page, now)."""
 
     rows: int = 0
     equal: int = 0
@@ -90,7 +90,7 @@ class Comparison:
 
 
 def plain(text: str) -> str:
-    """Return a cell as it reads: one minus and hyphen, no marks, no commas in numbers, lengths in m, no brackets after words."""
+    """Return a cell in normal form: one kind of minus, no markup, no commas in numbers, lengths in m, no brackets after words."""
     text = re.sub(r"(?<=\d),(?=\d{3})", "", text.replace("\N{MINUS SIGN}", "-").replace("×", "x"))
     text = LENGTH.sub(lambda matched: f"{in_powers(matched[1], POWERS[matched[2]])} m", text)
     return re.sub(r"[`*$\\]|(?<=[a-z]) \(.*\)$", "", text).strip()
@@ -103,7 +103,7 @@ def in_powers(number: str, power: int) -> str:
 
 
 def peaks(text: str) -> list[Table]:
-    """Return the peaks of the levels that a run prints as a table like those of the guide; none where it prints none."""
+    """Return the peaks that a run prints as a table like those of the guide; none if it prints none."""
     rows = [[level, a, b, b, f, f"{slip}, {n}", f"{slip}, {n}"] for level, a, b, f, slip, n in PEAK.findall(text)]
     return [Table(0, PEAKS, rows)] if rows else []
 
@@ -123,7 +123,7 @@ def tables(text: str) -> list[Table]:
 
 
 def commands(page: str) -> list[str]:
-    """Return the commands a page names, in code within its text and in blocks of their own, each once."""
+    """Return the commands a page names, in inline code and in code blocks, each once."""
     joined = page.replace("\\\n", " ")
     spans = re.findall(r"`([^`\n]+)`|^ {4}(\S.*)$", joined, flags=re.M)
     texts = (re.sub(r" {2,}#.*", "", inline or block).strip() for inline, block in spans)
@@ -131,7 +131,7 @@ def commands(page: str) -> list[str]:
 
 
 def copy_project(copy: Path) -> None:
-    """Copy the project without its pages, its history and what runs left."""
+    """Copy the project without its pages, its history and the files of runs."""
 
     def left_out(folder: str, names: list[str]) -> set[str]:
         within = LEFT_OUT.get(os.path.relpath(folder, ROOT), set())
@@ -141,8 +141,8 @@ def copy_project(copy: Path) -> None:
 
 
 def output(command: str, seconds: float, copy: Path) -> tuple[str, list[Table]]:
-    """Run a command in a copy of the project without pages; return what became of it and the tables it made."""
-    for page in (copy / "docs").glob("*.md"):  # of a command before
+    """Run a command in a copy of the project without pages; return its outcome and the tables it made."""
+    for page in (copy / "docs").glob("*.md"):  # of an earlier command
         page.unlink()
     paths = ":".join(str(copy / name) for name in ("solver", "tests", "tests/continuation", "meshes"))
     environment = {**os.environ, "PYTHONPATH": paths, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
@@ -165,7 +165,7 @@ def output(command: str, seconds: float, copy: Path) -> tuple[str, list[Table]]:
 
 
 def agree(page: str, now: str) -> bool:
-    """Return whether two numbers are the same to the digits that the coarser one prints, one unit of the last allowed."""
+    """Return whether two numbers agree to the digits of the coarser one, within one unit of its last digit."""
     a, b = float(page), float(now)
     if max(abs(a), abs(b)) < ROUNDING:
         return 0.0 in (a, b) or ITS_SPREAD * min(abs(a), abs(b)) > max(abs(a), abs(b))
@@ -173,13 +173,13 @@ def agree(page: str, now: str) -> bool:
 
 
 def last_digit(number: str) -> float:
-    """Return the worth of the last digit that a number prints."""
+    """Return the value of one unit in the last printed digit."""
     digits, _, power = number.partition("e")
     return 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
 
 
 def columns(page: Table, made: Table) -> list[tuple[int, int]]:
-    """Return which column of a page's table is which of the other, by place, or by name where their numbers differ."""
+    """Return the corresponding columns of two tables: by position, or by name if their numbers differ."""
     width = len(made.rows[0])
     if len(page.header) == width:
         return [(i, i) for i in range(width)]
@@ -205,17 +205,17 @@ def compare(page: Table, made: Table) -> Comparison:
 
 
 def meshes(row: list[str]) -> list[str]:
-    """Return the cells of a row that say how fine a mesh is: 8 x 8 x 16."""
+    """Return the cells of a row with a mesh density: 8 x 8 x 16."""
     return [plain(cell) for cell in row if re.fullmatch(r"\d+(?: x \d+)+", plain(cell))]
 
 
 def alike(row: list[str], other: list[str]) -> int:
-    """Return how many cells of words two rows have in common."""
+    """Return the number of text cells that two rows have in common."""
     return len({plain(cell) for cell in row if not NUMBER.search(cell)} & {plain(cell) for cell in other})
 
 
 def compared_rows(page: Table, name: str, row: list[str], other: list[str], pairs: list[tuple[int, int]]) -> Comparison:
-    """Compare a row of a page with one that was made; its name is known to be the same."""
+    """Compare a row of a page with a made one of the same name."""
     result = Comparison(rows=1)
     for i, j in pairs:
         if max(i, j) > 0 and i < len(row) and j < len(other):
@@ -226,7 +226,7 @@ def compared_rows(page: Table, name: str, row: list[str], other: list[str], pair
 def kind_of(name: str, page: Table, i: int, cell: str) -> str:
     """Return the class of the numbers of a cell in column i of a row of this name.
 
-    A column "ratio" is of times where the one before it is of the machine.
+    A column "ratio" has ratios of times if the column before it is of the machine.
     """
     column = plain(page.header[i])
     if A_RATIO.search(column) or A_RATIO.search(name) or FACTOR.search(plain(cell)):
@@ -237,7 +237,7 @@ def kind_of(name: str, page: Table, i: int, cell: str) -> str:
 
 
 def compare_cells(result: Comparison, kind: str, place: tuple[str, str], page: str, now: str) -> None:
-    """Count the numbers of a cell by their class; where one cell has more than the other, the cell differs as a whole."""
+    """Count the numbers of a cell by their class; if one cell has more numbers than the other, the whole cell differs."""
     ours, theirs = NUMBER.findall(plain(page)), NUMBER.findall(plain(now))
     if kind == MACHINE:
         result.machine += len(ours)
@@ -259,7 +259,7 @@ def nearest(page: Table, made: list[tuple[str, Table]]) -> tuple[str, Comparison
 
 
 def examined(path: Path, arguments: argparse.Namespace) -> Counter:
-    """Run the commands of a page and print what became of each and of every table; return the counts."""
+    """Run the commands of a page, print the outcome of each and of every table; return the counts."""
     text, made = path.read_text(encoding="utf-8"), []
     print(f"\n{path.name}", flush=True)
     chosen = [one for one in commands(text) if is_requested(one, arguments)]
@@ -277,20 +277,20 @@ def examined(path: Path, arguments: argparse.Namespace) -> Counter:
 
 
 def is_requested(command: str, arguments: argparse.Namespace) -> bool:
-    """Return whether a command is one to run: whole, and among those requested."""
+    """Return whether a command is complete and requested."""
     is_whole = not WANTS.search(command) and not MENTION.fullmatch(command)
     is_left_out = arguments.without and re.search(arguments.without, command)
     return is_whole and bool(re.search(arguments.only, command)) and not is_left_out
 
 
 def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
-    """Print a line for every table of a page, and what differs; return the counts by class."""
+    """Print a line for every table of a page, and the differences; return the counts by class."""
     counts: Counter = Counter(tables=len(page))
     for table in page:
         head = f"  line {table.line}, {' | '.join(table.header)[:60]}: "
         closest = nearest(table, made)
         if closest is None:
-            print(head + "no command that ran made it")
+            print(head + "made by no command that ran")
             continue
         one = closest[1]
         ratios = f", {one.ratios} {RATIO}, which differ by up to {one.change:.2g}" if one.ratios else ""
@@ -304,9 +304,9 @@ def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("pages", nargs="*", type=Path, help="all of docs unless said")
-    parser.add_argument("--seconds", type=float, default=300.0, help="that a command may take")
-    parser.add_argument("--only", default="", help="commands that this regular expression is found in")
+    parser.add_argument("pages", nargs="*", type=Path, help="default: all of docs")
+    parser.add_argument("--seconds", type=float, default=300.0, help="time limit of a command")
+    parser.add_argument("--only", default="", help="run only commands that match this regular expression")
     parser.add_argument("--without", help="commands to leave out")
     parser.add_argument("--list", action="store_true", help="the commands, none run")
     arguments = parser.parse_args()

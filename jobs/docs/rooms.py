@@ -1,10 +1,10 @@
-"""Draw the rooms of the package and what they import of each other: docs/img/rooms.svg.
+"""Draw the folders of the package and their imports: docs/img/rooms.svg.
 
     python jobs/docs/rooms.py
 
-Imports are read from the sources.  An arrow leads from a room to one that imports it, as the values flow; one that follows from
-others, by way of a room in between, is left out, and so are those from the foundation.  Imports for type checking alone do not
-count.  Only where a room stands on the page is written here.
+Imports are read from the sources.  An arrow leads from a folder to one that imports it, in the direction of the data; an arrow
+that follows from others, by way of a folder in between, is left out, and so are those from the foundation.  Imports for type
+checking only do not count.  This file sets only the positions of the folders.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "solver" / "microslip"
 PICTURE = ROOT / "docs" / "img" / "rooms.svg"
 
-# what rooms hand on; column (from 0, in widths of a box and its gap) and row
+# what a room passes on; column (from 0, in widths of a box and its gap) and row
 ROOMS = {
     "messages": ("errors, words", 0.0, 0),
     "system": ("files, signals", 1.0, 0),
@@ -63,15 +63,7 @@ BY_WAY_OF = {  # columns in which long arrows go down, between the boxes
 FOUNDATION = ("messages", "system", "parallel", "guards")  # for every room: the row at the top, as wide as the page
 NUMPY_ONLY = ("elements", "fourier", "contact")
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 128, 40, 12, 28, 14
-ENDS = (
-    "scene",
-    "results",
-    "observe",
-    "library",
-    "restart",
-    "studies",
-    "program",
-)  # where a user's words come in and results go out
+ENDS = ("scene", "results", "observe", "library", "restart", "studies", "program")  # input of the user and output of results
 
 
 @cache
@@ -128,7 +120,7 @@ def arrows() -> list[tuple[str, str]]:
 
 
 def _below(room: str, direct: dict[str, set[str]]) -> set[str]:
-    """Return all that a room imports, at whatever remove."""
+    """Return all that a room imports, directly or indirectly."""
     below: set[str] = set()
     new = set(direct[room])
     while new:
@@ -179,7 +171,7 @@ def _box(room: str) -> str:
 
 
 def _arrow(a: str, b: str) -> str:
-    """Return an arrow from the foot of a room to the head of another, nearer to each other than their middles."""
+    """Return an arrow from the bottom of a room to the top of another, ends moved towards each other."""
     (x0, y0), (x1, y1) = _place(a), _place(b)
     shift = max(-0.3, min(0.3, (x1 - x0) / (3 * WIDTH))) * WIDTH
     x0, y0, x1 = x0 + WIDTH / 2 + shift, y0 + HEIGHT, x1 + WIDTH / 2 - shift

@@ -3,11 +3,11 @@
     python meshes/damper.py --out meshes/damper.msh
     python jobs/examples/damper_design.py [--levels 0.5 1 2 4] [--evaluations 15]
 
-A damper that is pressed with too little force slides freely and takes no energy, one that is pressed too much sticks.  Its
-pressure on the platforms is centrifugal force: it grows with its mass.  Friction and mass are changed until the largest peak per
-newton over the levels is as small as possible; each evaluation solves the response at the levels, and its derivatives come from
-one adjoint solution a peak.  The structure, with its factor and modes, is built once: the inertia of a light damper is that of
-the scene, and the last line says what the peak is where the damper is built with its mass.
+A damper with too small a contact force slides freely and dissipates no energy; one with too large a force sticks.  Its pressure
+on the platforms is due to centrifugal force and grows with its mass.  Friction and mass are varied to minimise the largest peak
+per newton over the levels; each evaluation solves the response at the levels, and its derivatives with one adjoint solution per
+peak. The structure, with its factor and modes, is built once, with the inertia of the scene's damper; the last line gives the
+peak for a structure built with the optimal mass.
 """
 
 from __future__ import annotations

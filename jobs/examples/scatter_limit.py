@@ -1,11 +1,12 @@
-"""The scatter of the blades of a disc at which the worst blade passes a limit.
+"""The scatter of the blades of a disc at which the worst blade exceeds a limit.
 
     python meshes/shrouded_disc.py --n-span 4 --n-width 1 --n-side 1 --out meshes/shrouded_disc_coarse.msh
     python jobs/examples/scatter_limit.py [--limit 1.6] [--discs 10] [--scatters 0.0025 0.005 0.01 0.02]
 
-Blades of a disc never are alike, and some of them move more than all would on a disc of alike blades.  A number of discs is
-drawn at random, each with its own seed; a larger scatter enlarges the deviations of the same discs.  The amplitude that a given
-share of the discs does not exceed is computed at each scatter, and SciPy's root finder says where it passes the limit.
+Blades of a disc are never exactly alike, and some of them vibrate more than all would on a disc of identical blades.  A number of
+discs is drawn at random, each with its own seed; a larger scatter scales the deviations of the same discs.  For each scatter the
+script computes the amplitude that a given share of the discs does not exceed; SciPy's root finder gives the scatter where it
+reaches the limit.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ class Discs:
 
 
 def scatter_at(discs: Discs, limit: float, scatters: Sequence[float], say=print) -> float | None:
-    """Return the smallest scatter at which the worst blade passes a limit over that of alike blades, None if none does.
+    """Return the smallest scatter at which the worst blade exceeds a limit, relative to alike blades; None if none does.
 
-    Collective.  ``scatters`` rise; the passage is sought between the first two that enclose it.
+    Collective.  ``scatters`` increase; the root is sought between the first two that bracket it.
     """
     alike = discs.worst_blade(0.0, 0)
     say(f"alike blades: {alike:.4e}")

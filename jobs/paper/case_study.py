@@ -4,10 +4,10 @@
 
 Without SCENE, jobs/fan_paper.toml and --out docs: the tables of `paper.md`, and
 `img/paper_*.png`.  Any other scene goes to results/paper.
-One process; on the paper's mesh up to 6 GB, most of them for plain Rubin (--no-rubin: 3 GB, and one LU of its size for a step).
+One process; on the paper's mesh up to 6 GB, mostly for plain Rubin (--no-rubin: 3 GB, and one LU of its size stands for a step).
 
-Every level is followed by `receptance`, the condensed full set.  At the frequencies it chooses, every method is solved again
-from its own last two points: `adaptive` and `adaptive-energy` as in the paper, and with all pairs checked in the point.
+Every level is computed by `receptance`, the condensed full set.  At the frequencies it selects, every other method is solved from
+its own last two points: `adaptive` and `adaptive-energy` as in the paper, and with all pairs checked at each point.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where the paper's order of its two methods appears: both run under many settings on an open model, for the page about it.
+"""Conditions under which the paper's order of its two methods appears: both run under many settings on an open model.
 
     python jobs/paper/claims.py [SCENE.toml] [--levels N ...] [--out DIR]
 
@@ -7,7 +7,7 @@ Without SCENE, jobs/fan_paper.toml, its first slipping level and its last, and -
 Any other scene goes to results/paper.  A few minutes; one process.
 
 Original: `adaptive`, pairs with dp != 0 in the last solution.  Improved: `adaptive-energy` with epsilon = 1e-10 J.  Both update
-their set once a point, as in Algorithm 1.  *Again*: every point is solved a second time, with the set of its first solution.
+their set once per point, as in Algorithm 1.  *Again*: every point is solved a second time, with the set of its first solution.
 The reference of each setting is `receptance`, all pairs, at the same frequencies and with the same law.
 """
 

@@ -20,7 +20,7 @@ from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPa
 
 REFERENCE, ORIGINAL, IMPROVED = "reference", "original", "improved"
 TIE = 1e-6  # of the peak: differences up to this are equal
-NEAR = 1e-12  # of the frequency: where a point is solved again
+NEAR = 1e-12  # relative shift of the frequency of a second solve
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Setting:
     start: float = 0.0  # phase of the load at the first sample, where the sliders start [degrees]
     harmonics: int | None = None  # the scene's unless given
     tolerance: float | None = None  # of Newton; the scene's unless given
-    slack: float = 0.0  # of mu N0: the original keeps pairs with more than that of dp
-    settled: bool = False  # the original keeps pairs by their state, which the settling does not enter
-    again: bool = False  # every point is solved again as well
+    slack: float = 0.0  # of mu N0: the original retains pairs with a larger dp
+    settled: bool = False  # the original retains pairs by their state in the last period, without the settling
+    again: bool = False  # also solve every point a second time
 
     @property
     def name(self) -> str:
-        """Return what it is, in words."""
+        """Return the setting in words."""
         parts = [f"{self.points} {self.rule}" + (", downwards" if self.down else "")]
         parts += [f"sliders start at {self.start:g}\u00b0 of the load"] if self.start else []
         parts += [f"H = {self.harmonics}"] if self.harmonics else []
@@ -49,7 +49,7 @@ class Setting:
         return parts[-1]
 
     def of(self, method: str) -> Setting:
-        """Return the part of it that a method feels."""
+        """Return the part of the setting that affects a method."""
         if method == REFERENCE:
             return Setting(self.points, self.rule, self.down, self.start, self.harmonics)
         alone = replace(self, again=False)
@@ -73,8 +73,8 @@ def settings(usual: int) -> list[Setting]:
 
 
 @dataclass(frozen=True)
-class Found:
-    """What one method did under a setting."""
+class Errors:
+    """Errors of one method under a setting."""
 
     omega: np.ndarray  # (n,) rad/s, in the order of the sweep
     error: np.ndarray  # (n,) largest difference of any harmonic from the reference, over its peak
@@ -93,10 +93,10 @@ class Trial:
     setting: Setting
     level: float  # N
     solved: int  # points
-    original: Found
-    improved: Found
-    original_again: Found | None
-    improved_again: Found | None
+    original: Errors
+    improved: Errors
+    original_again: Errors | None
+    improved_again: Errors | None
 
     @property
     def better(self) -> str:
@@ -106,7 +106,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Own:
-    """The highest point of each method's curve where each goes its own steps of the arc length."""
+    """The highest point of each method's curve, each with its own arc-length steps."""
 
     level: float  # N
     requested: int  # points
@@ -114,8 +114,8 @@ class Own:
     peak: dict[str, float]  # over the peak of the reference in the finest of such curves, less 1
 
 
-def judged(improved: Found | None, original: Found | None) -> str:
-    """Return which of two errs less on the curve; a dash where neither does, or one stopped early."""
+def judged(improved: Errors | None, original: Errors | None) -> str:
+    """Return which of two errs less on the curve; a dash if neither does, or if one stopped early."""
     if improved is None or original is None or improved.failure or original.failure:
         return "\u2013"
     difference = improved.largest - original.largest
@@ -135,7 +135,7 @@ class Settled(NonStickingPairs):
 
 @dataclass(frozen=True, kw_only=True)
 class LargerThan(NonStickingPairs):
-    """The pairs with more of dp than ``limit`` (n_pairs,) [N] in the last solution; ``size`` tells it, (n_pairs,) [N]."""
+    """The pairs with more of dp than ``limit`` (n_pairs,) [N] in the last solution; ``size`` returns dp, (n_pairs,) [N]."""
 
     size: Callable[[], np.ndarray]
     limit: np.ndarray
@@ -146,7 +146,7 @@ class LargerThan(NonStickingPairs):
 
 @dataclass(frozen=True, eq=False)
 class Overheard(HarmonicBalance):
-    """The equation; it remembers p of all pairs at the last motion at which all were evaluated."""
+    """The equation, which stores p of all pairs at the last motion at which all were evaluated."""
 
     last: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -179,7 +179,7 @@ def run_of(method: str, setting: Setting, prepared: Prepared, level: float):
 
 
 class Trials:
-    """The runs of one level; what several settings share is run once."""
+    """The runs of one level; runs common to several settings are done once."""
 
     def __init__(self, prepared: Prepared, level: float):
         self.prepared, self.level, self.tolerance = prepared, level, prepared.scene.solver.tolerance
@@ -205,17 +205,17 @@ class Trials:
         return self._branches[key]
 
     def frequencies(self, setting: Setting) -> list[float]:
-        """Return where to solve, in the order of the sweep [rad/s]."""
+        """Return the frequencies to solve at, in the order of the sweep [rad/s]."""
         sweep = self.prepared.sweep
         omegas = list(np.linspace(sweep.start, sweep.stop, setting.points)) if setting.rule == EQUAL else self.arc(setting.points)
         return omegas[::-1] if setting.down else omegas
 
     def arc(self, points: int) -> list[float]:
-        """Return the frequencies to which `receptance` goes by arc length [rad/s]."""
+        """Return the frequencies that `receptance` reaches by arc length [rad/s]."""
         return advancing(self.curve(REFERENCE, points).points, self.prepared.sweep.direction)
 
     def curve(self, method: str, points: int):
-        """Return the curve of a method in its own steps of the arc length."""
+        """Return the curve of a method with its own arc-length steps."""
         if (method, points) not in self._curves:
             problem, selection = run_of(method, Setting(points), self.prepared, self.level)
             task = BranchTask(problem, selection, self.prepared.sweep, self.prepared.steps_of(points), self.tolerance)
@@ -223,7 +223,7 @@ class Trials:
         return self._curves[method, points]
 
     def own(self, requested: Sequence[int]) -> list[Own]:
-        """Return the peaks of curves in each method's own steps, for some numbers of points; the largest is the measure."""
+        """Return the peaks of curves with each method's own steps, for some numbers of points, over the largest number's reference."""
         curves = {n: {method: self.curve(method, n) for method in (REFERENCE, ORIGINAL, IMPROVED)} for n in requested}
         tops = {n: {method: self.highest(curve) for method, curve in of.items()} for n, of in curves.items()}
         true = tops[max(requested)][REFERENCE]
@@ -241,7 +241,7 @@ class Trials:
     def highest(curve) -> float:
         return max(float(amplitude(point.response[0])) for point in curve.points)
 
-    def compared(self, method: str, setting: Setting, exact, times: int = 1) -> Found:
+    def compared(self, method: str, setting: Setting, exact, times: int = 1) -> Errors:
         """Return the errors of a method, of the last solution at each frequency."""
         branch = self.branch(method, setting, times)
         points = branch.points[times - 1 :: times]
@@ -250,11 +250,11 @@ class Trials:
         error = (np.abs(own - true[:n]) / np.abs(true).max(axis=(0, 2))[:, None]).max(axis=(1, 2))
         peak = amplitude(own[:, 0]).max() / amplitude(true[:, 0]).max() - 1.0
         omega = np.array([point.omega for point in exact.points[:n]])
-        return Found(omega, error, float(peak), branch.failure or exact.failure)
+        return Errors(omega, error, float(peak), branch.failure or exact.failure)
 
 
 def changed(prepared: Prepared, setting: Setting) -> Prepared:
-    """Return the scene with the harmonics of a setting and its load turned: sliders start at the first sample."""
+    """Return the scene with the harmonics of a setting and the phase of its load shifted: sliders start at the first sample."""
     model = prepared.model
     if setting.start:
         f, turn = model.f.copy(), np.exp(1j * np.radians(setting.start))
@@ -267,14 +267,14 @@ def changed(prepared: Prepared, setting: Setting) -> Prepared:
 
 
 def repeated(omegas: Sequence[float], times: int) -> list[float]:
-    """Return every frequency so often, each a little further: two equal ones in a row have no secant."""
+    """Repeat every frequency, each time shifted a little: two equal ones in a row have no secant."""
     return [omega * (1.0 + k * NEAR) for omega in omegas for k in range(times)]
 
 
 def all_trials(
     prepared: Prepared, levels: Sequence[float], chosen: Sequence[Setting], own: Sequence[int], say: Callable[[str], None]
 ) -> tuple[list[Trial], list[Own]]:
-    """Run settings at some levels, and curves in each method's own steps, for some numbers of points.  One rank."""
+    """Run settings at some levels, and curves with each method's own steps, for some numbers of points.  One rank."""
     trials, peaks = [], []
     for level in levels:
         runs = Trials(prepared, level)
@@ -286,7 +286,7 @@ def all_trials(
 
 
 def cells(trial: Trial) -> list[str]:
-    """Return a trial as it stands in the table."""
+    """Return the cells of a trial in the table."""
     tried = [f"{curve.largest:.1e}" + (" (stopped)" if curve.failure else "") for curve in (trial.original, trial.improved)]
     peaks = [f"{curve.peak:+.1e}" for curve in (trial.original, trial.improved)]
     return [f"{trial.level:g}", trial.setting.name, str(trial.solved), *tried, *peaks, trial.better]

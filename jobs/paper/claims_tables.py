@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
-from claims_runs import IMPROVED, ORIGINAL, REFERENCE, Found, Own, Trial, cells, judged
+from claims_runs import IMPROVED, ORIGINAL, REFERENCE, Errors, Own, Trial, cells, judged
 from matplotlib.lines import Line2D
 from page_tables import table
 from paper_runs import EQUAL
@@ -23,7 +23,7 @@ def tables(trials: Sequence[Trial], own: Sequence[Own]) -> dict[str, list[str]]:
 
 
 def summary(trials: Sequence[Trial], own: Sequence[Own]) -> list[str]:
-    """Return in how many trials each method errs less, and the extremes of their errors."""
+    """Return the number of trials in which each method errs less, and the extremes of their errors."""
     mixed = [trial for trial in trials if trial.improved_again]
     verdicts = {
         "both updated once a point": [trial.better for trial in trials],
@@ -51,7 +51,7 @@ def once(trials: Sequence[Trial]) -> list[str]:
 
 
 def in_point(trials: Sequence[Trial]) -> list[str]:
-    """Return the trials in which every point was solved again with its own set."""
+    """Return the trials in which every point was solved a second time with its own set."""
     rows = [
         [
             f"{trial.level:g}",
@@ -78,12 +78,12 @@ def in_point(trials: Sequence[Trial]) -> list[str]:
     return table(titles, rows, words=2)
 
 
-def largest(followed: Found | None) -> str:
+def largest(followed: Errors | None) -> str:
     return "" if followed is None else f"{followed.largest:.1e}" + (" (stopped)" if followed.failure else "")
 
 
 def own_steps(own: Sequence[Own]) -> list[str]:
-    """Return the highest points of curves that do not share their frequencies."""
+    """Return the highest points of curves with different frequencies."""
     methods = (REFERENCE, ORIGINAL, IMPROVED)
     rows = [
         [
@@ -99,7 +99,7 @@ def own_steps(own: Sequence[Own]) -> list[str]:
 
 
 def draw(trials: Sequence[Trial], scene) -> Page:
-    """Draw the error along the curve at the strongest level: as in the case study, and where the paper's order appears."""
+    """Draw the error along the curve at the highest level: as in the case study, and under settings with the paper's order."""
     shown = chosen(trials)
     handles = [
         Line2D([], [], color=ONE, label="original"),
@@ -130,7 +130,7 @@ def draw(trials: Sequence[Trial], scene) -> Page:
 
 
 def chosen(trials: Sequence[Trial]) -> list[Trial]:
-    """Return the trials to draw, of the strongest level: the case study's, equal steps, and a test of the size of dp."""
+    """Return the trials to draw, of the highest level: the case study's, equal steps, and a test of the size of dp."""
     top = max(trial.level for trial in trials)
     of_level = [trial for trial in trials if trial.level == top]
     equal = [trial for trial in of_level if trial.setting.rule == EQUAL and trial.improved_again]

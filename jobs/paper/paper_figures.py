@@ -30,7 +30,7 @@ BY_SLIP = "adaptive, \u0394p \u2260 0"
 _RAISED = "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
 FLOOR = 1e-11  # of a difference on a logarithmic axis
 LATE, CHECKED, RUBIN = "#d55e00", "#0072b2", "#009e73"
-_SAME_SIZE = 5e-3  # relative difference of the mean size of two models that are drawn as one
+_SAME_SIZE = 5e-3  # relative difference of the mean size of two models that are drawn as one curve
 _SHAPES = 3  # modes drawn
 _DEFORMED = 0.10  # largest motion of a drawn mode over the size of the structure
 _VIEW = (22.0, -52.0)  # elevation and azimuth from which it is seen [degrees]
@@ -82,7 +82,7 @@ def _save(page: Page, folder: Path, name: str) -> str:
 
 
 def as_results(study: Study, which: str) -> ResultFile:
-    """Return the runs of one kind, "reference" or "adaptive", as a result file holds them."""
+    """Return the runs of one kind, "reference" or "adaptive", as a result file."""
     prepared, model = study.prepared, study.model
     scene, structure, curve = prepared.scene, prepared.structure, prepared.curve
     sizes = len(scene.outputs), model.n_pairs, model.N_H
@@ -163,7 +163,7 @@ def _shape(ax, mesh, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _view(elevation: float, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the direction towards the viewer, and what lies to the right and up, (2, 3)."""
+    """Return the direction to the viewer, and the directions right and up, (2, 3)."""
     e, a = np.radians([elevation, azimuth])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -174,7 +174,7 @@ def _view(elevation: float, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def adaptive(study: Study) -> Page | None:
-    """Response by `adaptive` on the reference, and the difference along the curve, a column a level."""
+    """Response by `adaptive` on the reference, and the difference along the curve, a column per level."""
     levels = study.slipping
     if not levels:
         return None
@@ -236,7 +236,7 @@ def _marks(curve, error, level: Level) -> None:
 
 
 def retained(study: Study) -> Page | None:
-    """Pairs with p != 0 that either method retains along the curve of the strongest level, and what they lose."""
+    """Pairs with p != 0 that each method retains along the curve of the highest level, and their losses."""
     if not study.slipping:
         return None
     level = study.slipping[-1]
@@ -264,7 +264,7 @@ def retained(study: Study) -> Page | None:
 
 
 def losses(study: Study) -> Page | None:
-    """Friction loss of all pairs along the curve by both methods and the reference, a panel a level."""
+    """Friction loss of all pairs along the curve by both methods and the reference, a panel per level."""
     levels = study.slipping
     if not levels:
         return None
@@ -273,7 +273,7 @@ def losses(study: Study) -> Page | None:
         Line2D([], [], color=LATE, label="original"),
         Line2D([], [], color=CHECKED, ls="--", label="improved"),
     ]
-    page = Page(study.prepared.scene, "energy that friction takes a cycle, where pairs slip", WIDTH, 2.3, handles)
+    page = Page(study.prepared.scene, "friction loss per cycle, where pairs slip", WIDTH, 2.3, handles)
     axes = page.grid(1, len(levels)).subplots(squeeze=False)[0]
     for ax, level in zip(axes, levels):
         looks = (LINEAR, {"color": LATE, "lw": 1.0}, {"color": CHECKED, "lw": 1.0, "ls": "--"})
@@ -339,8 +339,8 @@ def tolerance_error(study: Study) -> Page | None:
     return page
 
 
-def _told_apart(levels: list[Level]) -> list[float]:
-    """Return the tolerances, without those whose model has the size of the one before at every level."""
+def _distinct(levels: list[Level]) -> list[float]:
+    """Return the tolerances, without those whose model has the same size as the previous one at every level."""
     shown: list[float] = []
     for eps in levels[0].energy:
         sizes = np.array([[level.energy[e].unknowns.mean() for level in levels] for e in [*shown[-1:], eps]])
@@ -350,14 +350,14 @@ def _told_apart(levels: list[Level]) -> list[float]:
 
 
 def _by_tolerance(study: Study, says: str, draw, drawn=None, base: str = "full set of pairs (receptance)", looks=LINEAR):
-    """Return a page with a panel a level and a curve a tolerance, and its axes.
+    """Return a page with a panel per level and a curve per tolerance, and its axes.
 
-    ``draw`` takes a run, None for the ``base``, and by what ``drawn``, values of a run and their unit, are multiplied.
+    ``draw`` takes a run (None for the ``base``) and the factor of ``drawn``, values of a run and their unit.
     """
     levels = study.slipping
     if not levels:
         return None, []
-    tolerances = _told_apart(levels)
+    tolerances = _distinct(levels)
     if len(tolerances) < len(levels[0].energy):
         says += "; without tolerances that change nothing"
     colours = matplotlib.colormaps["plasma"](np.linspace(0.0, 0.85, len(tolerances)))
@@ -431,7 +431,7 @@ def tolerance_summary(study: Study) -> Page | None:
 
 
 def steps(study: Study) -> Page | None:
-    """Error of `adaptive` against the number of points, by both rules of stepping."""
+    """Error of `adaptive` against the number of points, for both rules of stepping."""
     if not study.steps:
         return None
     levels = sorted({step.level for step in study.steps})
@@ -441,7 +441,7 @@ def steps(study: Study) -> Page | None:
         Line2D([], [], color=INK, marker="o", ms=3.5, label="largest difference on the curve / peak"),
         Line2D([], [], color=INK, ls=":", marker="s", ms=3.5, mfc="white", label="|error of the peak|"),
     ]
-    says = "adaptive without check: the error of an update that looks one point back, by number of points"
+    says = "adaptive without check: the error of updating from the previous point, by number of points"
     page = Page(study.prepared.scene, says, WIDTH, 2.6, handles)
     axes = page.grid(1, 2).subplots(sharey=True)
     for ax, rule in zip(axes, (ARC, EQUAL)):

@@ -1,4 +1,4 @@
-"""The runs of the case study: every level by every method at the same frequencies, and what is measured of them."""
+"""The runs of the case study: every level by every method at the same frequencies, and their measured costs and errors."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from microslip.studies.compare.report import differences
 
 LU_SIZES = (100, 200, 500, 1000, 2000, 4000)  # unknowns at which one dense LU is timed
 EPSILON = 1e-10  # J a cycle and pair, the paper's
-MOST_LU = 12000  # unknowns beyond which it is not: 1.2 GB
+MOST_LU = 12000  # unknowns; larger ones are not timed: 1.2 GB
 
 
 @dataclass(frozen=True)
 class Run:
-    """One method along one level: its points, their times, and what it dropped at each."""
+    """One method along one level: its points, their times, and the dropped pairs at each."""
 
     row: Row
     points: list  # converged points, in the order of the frequencies
     retained: np.ndarray  # (n,) pairs in B
-    dropped: np.ndarray  # (n,) pairs held stuck with p != 0, as the law gives it for the motion found
-    lost: np.ndarray  # (n,) friction loss of those, likewise [J per cycle]
+    dropped: np.ndarray  # (n,) pairs assumed stuck with p != 0 by the law at the computed motion
+    lost: np.ndarray  # (n,) friction loss of these pairs, by the same law [J per cycle]
     carries: np.ndarray  # (n, n_pairs) bool: retained, with p != 0
 
     @property
@@ -81,11 +81,11 @@ class Level:
 
     reference: Run
     adaptive: Run
-    checked: Run  # adaptive, all pairs checked in the point
+    checked: Run  # adaptive, all pairs checked at each point
     energy: dict[float, Run]  # adaptive-energy by eps [J]
     energy_checked: dict[float, Run]
-    condensed: Row | None = None  # all pairs by dense Newton at the peak, where it was solved
-    rubin: Row | None = None  # plain Rubin at the peak, likewise: first and last level
+    condensed: Row | None = None  # all pairs by dense Newton at the peak, if solved
+    rubin: Row | None = None  # plain Rubin at the peak, if solved: first and last level
 
     @property
     def level(self) -> float:
@@ -93,7 +93,7 @@ class Level:
 
     @property
     def improved(self) -> Run:
-        """Return the run of `adaptive-energy` with the paper's tolerance; with the least there is, if it was not requested."""
+        """Return the run of `adaptive-energy` with the paper's tolerance; with the smallest one if it was not requested."""
         return self.energy.get(EPSILON) or self.energy[min(self.energy)]
 
     @property
@@ -103,11 +103,11 @@ class Level:
 
 @dataclass(frozen=True)
 class Idle:
-    """The pairs at a peak of the reference that have p != 0 and lose no more than ``EPSILON``."""
+    """The pairs at a peak of the reference with p != 0 and a loss of at most ``EPSILON``."""
 
     moving: int  # pairs with p != 0
-    idle: int  # of these
-    traction: float  # the largest constant traction of an idle one, over mu N0
+    idle: int  # pairs of these with a loss of at most EPSILON
+    traction: float  # the largest constant traction of an idle pair, over mu N0
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ ARC, EQUAL = "steps of the arc length", "equal steps of frequency"
 
 @dataclass
 class Study:
-    """Everything that figures and page are made of."""
+    """All data of the figures and the page."""
 
     prepared: Prepared
     levels: list[Level]
@@ -147,7 +147,7 @@ class Study:
         return self.prepared.model
 
     def lu_seconds(self, unknowns) -> np.ndarray:
-        """Return seconds of one dense LU, on straight lines between the sizes timed, in logarithms; cubic beyond them."""
+        """Return seconds of one dense LU: linear in the logarithms between the timed sizes, cubic beyond them."""
         sizes, times = np.array(sorted(self.lu)), np.array([self.lu[size] for size in sorted(self.lu)])
         seconds = np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(times)))
         return np.where(np.asarray(unknowns) > sizes[-1], times[-1] * (np.asarray(unknowns) / sizes[-1]) ** 3, seconds)
@@ -175,7 +175,7 @@ def study(prepared: Prepared, tolerances: Sequence[float], steps: Sequence[int],
 
 
 class Clock:
-    """Wall time of each part, said as it passes."""
+    """Wall time of each part, printed as it ends."""
 
     def __init__(self, say: Callable[[str], None]):
         self.say, self.start = say, time.perf_counter()
@@ -189,7 +189,7 @@ class Clock:
 
 
 def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], clock: Clock) -> Level:
-    """Run every method on one level, at the frequencies to which `receptance` goes by arc length."""
+    """Run every method on one level, at the frequencies that `receptance` reaches by arc length."""
     problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
     task = BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance)
     curve = follow_branch(task, 10 * prepared.scene.response.points)
@@ -216,7 +216,7 @@ def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], cloc
 
 
 def condensed_at_peak(prepared: Prepared, level: Level, clock: Clock) -> None:
-    """Solve all pairs by dense Newton at the peak of a level: what the reference is checked against."""
+    """Solve all pairs by dense Newton at the peak of a level, to check the reference."""
     problem, reference, tolerance = prepared.problem(level.level), level.reference, prepared.scene.solver.tolerance
     with methods.contact_counter() as watch:
         level.condensed = methods.condensed_at(problem, reference.points, [reference.peak], tolerance, watch)
@@ -238,14 +238,14 @@ def solved(problem, at_omegas: Callable, watch, method: str, selection, motion: 
 
 
 def moves(problem, U: np.ndarray) -> np.ndarray:
-    """Return which pairs have p != 0 under a motion, (n_pairs,) bool; some of them slip only while the cycle settles."""
+    """Return the pairs with p != 0 under a motion, (n_pairs,) bool; some of them slip only while the cycle settles."""
     active, everything = np.zeros(len(U), dtype=bool), np.ones(len(U), dtype=bool)
     active[problem.equation.contact_forces(U, everything, tangents=False).active] = True
     return active
 
 
 def idle(study: Study, level: Level) -> Idle:
-    """Return the pairs that the energy test drops at the peak of a level though they carry something."""
+    """Return the pairs with p != 0 that the energy test drops at the peak of a level."""
     top, pairs = level.reference.points[level.reference.peak], study.prepared.structure.pairs
     moving = top.p.any(axis=(1, 2))
     is_idle = moving & (top.energy <= EPSILON) & (top.state == STICK)
@@ -265,7 +265,7 @@ def peak_error(run: Run, reference: Run) -> float:
 
 
 def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Step]:
-    """Return the error of `adaptive` at points that `receptance` chooses, and at equal steps of frequency."""
+    """Return the error of `adaptive` at points that `receptance` selects, and at equal steps of frequency."""
     problem, tolerance, sweep = prepared.problem(level), prepared.scene.solver.tolerance, prepared.sweep
     done = []
     for n in steps:
@@ -280,7 +280,7 @@ def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Ste
 
 
 def step_of(level: float, rule: str, requested: int, exact, late) -> Step:
-    """Return what one pair of runs at the same frequencies says."""
+    """Return the errors from a pair of runs at the same frequencies."""
     responses = [np.array([point.response for point in branch.points]) for branch in (exact, late)]
     n = min(map(len, responses))
     peaks = [amplitude(response[:n, 0]) for response in responses]
@@ -312,7 +312,7 @@ def rubin_at_peaks(prepared: Prepared, chosen: list[int], levels: list[Level], c
 
 
 def one_lu(n: int, repetitions: int = 2) -> float:
-    """Return the processor time of one dense LU and solve of n unknowns [s]: the best of a few; of one where it takes long."""
+    """Return the processor time of one dense LU and solve of n unknowns [s]: the best of a few, or of one if it is slow."""
     best = np.inf
     for _ in range(repetitions if n < 3000 else 1):
         A = np.random.default_rng(1).standard_normal((n, n))

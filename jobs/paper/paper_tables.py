@@ -38,7 +38,7 @@ def tables(study: Study) -> dict[str, list[str]]:
 
 
 def of_levels(study: Study, columns: dict, levels: list[Level] | None = None) -> list[str]:
-    """Return a table with a row a level; ``columns`` makes a cell from study and level by title."""
+    """Return a table with a row per level; ``columns`` has the function of each cell by title."""
     chosen = study.levels if levels is None else levels
     rows = [[f"{level.level:g}", *(cell(study, level) for cell in columns.values())] for level in chosen]
     return table(("level, N", *columns), rows)
@@ -192,7 +192,7 @@ DENSE = {
 
 
 def summary(study: Study) -> list[str]:
-    """Return what the paper reports, with what was measured here."""
+    """Return the paper's numbers beside those measured here."""
     first, last, top = study.levels[0], study.levels[-1], (study.slipping or study.levels)[-1]
     rows = [
         ("error of the peak, original, by level", f"-{percent(PEAK_ERROR)} at 8 N", peaks(study, "adaptive")),
@@ -228,7 +228,7 @@ def peaks(study: Study, name: str) -> str:
 
 
 def coarsest(study: Study) -> str:
-    """Return the error of the peak of the original where points are fewest, at equal steps of frequency."""
+    """Return the error of the peak of the original with the fewest points, at equal steps of frequency."""
     equal = [step for step in study.steps if step.rule == EQUAL and not step.failure]
     fewest = min((step.requested for step in equal), default=0)
     coarsest = [step for step in equal if step.requested == fewest]
@@ -236,21 +236,21 @@ def coarsest(study: Study) -> str:
 
 
 def checked(study: Study) -> float:
-    """Return the largest difference of any run whose pairs are all checked in the point."""
+    """Return the largest difference of any run with all pairs checked at each point."""
     return max(
         (largest(run, level) for level in study.slipping for run in (level.checked, *level.energy_checked.values())), default=0.0
     )
 
 
 def dense_newton(study: Study) -> str:
-    """Return the difference of dense Newton over all pairs from the reference, where it was solved."""
+    """Return the difference of dense Newton over all pairs from the reference, if solved."""
     solved = [level for level in study.levels if level.condensed]
     pairs = [(level.condensed.response[0], at_peak(level).response) for level in solved]
     return small(max(np.abs(dense - ours).max() / np.abs(dense).max() for dense, ours in pairs), ".0e") if pairs else NOT_MEASURED
 
 
 def early(study: Study) -> str:
-    """Return in how many curves of the improved method the largest difference comes before the peak."""
+    """Return the number of curves of the improved method whose largest difference is at or before the peak."""
     at = [
         int(np.argmax(errors(run, level.reference))) <= level.reference.peak
         for level in study.slipping
@@ -294,7 +294,7 @@ def seconds_of(*runs: Run) -> str:
 
 
 def tolerance(study: Study) -> list[str]:
-    """Return error, size and what is dropped, by level and tolerance."""
+    """Return error, size and dropped pairs, by level and tolerance."""
     rows = []
     for level in study.slipping:
         runs = {f"{NOT_MEASURED} (\u0394p \u2260 0)": level.adaptive, **{f"{eps:g}": run for eps, run in level.energy.items()}}
@@ -361,7 +361,7 @@ def a_step(run: Run) -> float:
 
 
 def rubin_step(study: Study, clock: str) -> float:
-    """Return the seconds of a Newton step of plain Rubin, "cpu" or "wall"; where it was not solved one LU of its size."""
+    """Return the seconds of a Newton step of plain Rubin, "cpu" or "wall"; if not solved, of one LU of its size."""
     rows = [level.rubin for level in study.levels if level.rubin and sum(level.rubin.newton)]
     if not rows:
         return float(study.lu_seconds(study.rubin_size))
@@ -374,12 +374,12 @@ def speed_of_step(study: Study, level: Level) -> float:
 
 
 def speed_of_level(study: Study, level: Level) -> float:
-    """Return the same of the wall time of the level; that of plain Rubin is a step's times the steps of the full set."""
+    """Return the same of the wall time of the level; plain Rubin's is the time of its step times the steps of the full set."""
     return newton(level.reference) * rubin_step(study, "wall") / level.adaptive.total("wall")
 
 
 def dense_seconds(study: Study, run: Run) -> float:
-    """Return the seconds of one dense LU in every Newton step of a run, of the size that its model has there."""
+    """Return the seconds of one dense LU in every Newton step of a run, of the size of its model there."""
     return float(np.sum(np.array(run.row.newton) * study.lu_seconds(run.unknowns)))
 
 
@@ -394,6 +394,6 @@ def gain_of_step(study: Study, level: Level) -> float:
 
 
 def gain_dense(study: Study, level: Level) -> float:
-    """Return how many times cheaper one dense LU a step is in the improved method than in the original."""
+    """Return how many times cheaper one dense LU per step is in the improved method than in the original."""
     original, improved = (dense_seconds(study, run) / max(newton(run), 1) for run in (level.adaptive, level.improved))
     return original / improved

@@ -1,8 +1,8 @@
-"""Models of verification manuals that have no mesh file: built here as their public definition says, as Abaqus input files.
+"""Models of verification manuals without a mesh file: built from their public definition, as Abaqus input files.
 
-NAFEMS, Selected Benchmarks for Natural Frequency Analysis: FV52.  Ansys' verification manual (the scripts are in the package
+NAFEMS, Selected Benchmarks for Natural Frequency Analysis: FV52.  Ansys' verification manual (its scripts are in the package
 ansys-mapdl-core): VM244, VM281, VM301, VM302, by their geometry, material and supports, with quadratic hexahedra of reduced
-integration (SOLID186); VM320 as matrices of one row.
+integration (SOLID186); VM320 as matrices with one row.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from blocks import Body, block, box, join  # noqa: E402
 
 
 def thick_plate() -> str:
-    """NAFEMS FV52: 10 x 10 x 1 m, w = 0 along the four lower edges, free in its plane; its own mesh."""
+    """NAFEMS FV52: 10 x 10 x 1 m, w = 0 along the four lower edges, free in its plane; with the mesh of the definition."""
     plate = box("hex20", (10.0, 10.0, 1.0), (4, 4, 1))
     x, y, z = plate.points.T
     at_edge = (z == 0.0) & ((x == 0.0) | (x == 10.0) | (y == 0.0) | (y == 10.0))
@@ -27,7 +27,7 @@ def thick_plate() -> str:
 
 
 def turning_plate() -> str:
-    """VM281: a plate of 152.4 x 50.8 x 2.54 mm, held at y = 0."""
+    """VM281: a plate of 152.4 x 50.8 x 2.54 mm, clamped at y = 0."""
     plate = box("hex20", (0.0508, 0.1524, 0.00254), (8, 24, 1), (-0.0254, 0.0, -0.00127))
     return _input("C3D20R", plate, (2e11, 0.3, 7850.0), {"BASE": (plate.points[:, 1] == 0.0, "1, 3")})
 
@@ -40,7 +40,7 @@ def annular_plate() -> str:
 
 
 def turning_disc() -> str:
-    """VM301: diameters 6 and 24 inches, 0.12 inches thick, held at the inner radius."""
+    """VM301: diameters 6 and 24 inches, 0.12 inches thick, clamped at the inner radius."""
     disc = annulus(3.0 * 0.0254, 12.0 * 0.0254, 0.12 * 0.0254, (6, 40, 1))
     return _input(
         "C3D20R", disc, (2.03e11, 0.3, 7850.0), {"BORE": (np.hypot(*disc.points[:, :2].T) < 3.0 * 0.0254 + 1e-8, "1, 3")}
@@ -51,7 +51,7 @@ RING = 0.176, 0.00088, 0.02, 24  # VM302: outer diameter, thickness, length [m];
 
 
 def turning_ring() -> str:
-    """VM302: one of 24 sectors of a thin ring, held along z in its middle plane."""
+    """VM302: one of 24 sectors of a thin ring, fixed along z in its middle plane."""
     outer, thickness, length, N = RING
 
     def mapping(u, v, w):

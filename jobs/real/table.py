@@ -1,13 +1,12 @@
-"""Public models of other programs as their users have them: what is read, what is refused and why, and modes over targets.
+"""Public models of other programs: which files are read, which are refused and why, and solved modes over targets.
 
     python jobs/real/table.py [--folder DIR] [--page docs/real_models.md] [--only WORD]
 
-Fetches the packages of jobs/real/models.toml by their clients (pip; apt-get for Debian's, where it is there; git for public
-repositories) into DIR, by default a temporary folder, and checks every file of them as `microslip check` does.  What is in DIR
-already stays: packages by their names, repositories as OWNER+NAME.  Compressed inputs are unpacked in their folders.  Models
-of manuals that have no mesh file are built (built.py).  The models of the list are then solved as a user would:
-`microslip new`, the edited lines of the list, `microslip modes` or `microslip run`.  Targets of CalculiX' set are the eigenvalues
-that come with it.
+Fetches the packages of jobs/real/models.toml with their clients (pip; apt-get for Debian's, if available; git for public
+repositories) into DIR, by default a temporary folder, and checks every file as `microslip check` does.  Packages that are already
+in DIR (repositories as OWNER+NAME) are not fetched again.  Compressed inputs are unpacked in their folders.  Models of manuals
+without a mesh file are built (built.py).  The models of the list are then solved as a user would: `microslip new`, the edited
+lines of the list, `microslip modes` or `microslip run`.  Targets of CalculiX' set are its stored eigenvalues.
 """
 
 from __future__ import annotations
@@ -45,12 +44,12 @@ from microslip.studies.check.model_file import check_model  # noqa: E402
 MODELS = Path(__file__).with_name("models.toml")
 N_MODES = 6
 CURVES = ("model", "program", "edited lines", "pairs", "level", "highest point", "error bar", "slip, open", "target", "ratio")
-LONGEST = 7200.0  # s of a command
+LONGEST = 7200.0  # s, time limit of a command
 
 
 @dataclass(frozen=True)
 class Checked:
-    """What became of one file."""
+    """The outcome of one file."""
 
     file: Path
     outcome: str  # "read", "refused" or "stopped": by a defect
@@ -61,7 +60,7 @@ class Checked:
 
 
 def fetched(package: dict, folder: Path) -> Path | None:
-    """Return the folder of a package, fetched if it is not there; None where it cannot be."""
+    """Return the folder of a package, fetched if missing; None if that fails."""
     client, name, *folders = package["fetch"]
     place = folder / re.sub(r"[^\w.=-]", "+", name)
     if client == "built":
@@ -108,17 +107,17 @@ def files_of(package: dict, place: Path) -> list[Path]:
     return sorted({path for pattern in package["files"] for path in place.glob(pattern) if path.is_file()})
 
 
-# -- what is read --------------------------------------------------------------------------------------------------
+# -- files that are read --------------------------------------------------------------------------------------------------
 
 
 def checked(path: Path) -> Checked:
-    """Return what `microslip check` makes of a file."""
+    """Return the outcome of `microslip check` for a file."""
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             check_model(str(path), MPI.COMM_SELF, None)
     except MicroslipError as problem:
         return Checked(path, "refused", reason(str(problem), path))
-    except Exception:  # a defect is what this looks for
+    except Exception:  # to find such defects is the purpose
         return Checked(path, "stopped", traceback.format_exc().strip().splitlines()[-1])
     return Checked(path, "read")
 
@@ -168,7 +167,7 @@ def edited(scene: Path, model: dict) -> int:
 
 
 def solved(path: Path, model: dict, command: list[str], scratch: Path) -> tuple[Path, int, str]:
-    """Return the folder of results of a model as a user gets them, the edited lines, and why there are no results."""
+    """Solve a model as a user would; return the folder of results, the number of edited lines, and the reason of a failure."""
     name = re.sub(r"\W", "_", f"{path.stem}_{model.get('case', '')}").strip("_")
     scene, out, n = scratch / f"{name}.toml", scratch / f"{name}_out", 0
     steps = [["new", str(path), "--out", str(scene)], [command[0], str(scene), *command[1:], "--out", str(out)]]
@@ -186,9 +185,9 @@ def solved(path: Path, model: dict, command: list[str], scratch: Path) -> tuple[
 
 
 def frequencies(out: Path, model: dict) -> np.ndarray:
-    """Return what is compared: the lowest frequencies [Hz], those of family 1 at several speeds, or a critical speed [rpm].
+    """Return the values to compare: the lowest frequencies [Hz], those of family 1 at several speeds, or a critical speed [rpm].
 
-    Of a disc with Coriolis forces the lowest waves of each nodal diameter, backward and forward.
+    For a disc with Coriolis forces: the lowest waves of each nodal diameter, backward and forward.
     """
     if "diameters" in model:
         lowest = [row for row in csv.DictReader((out / "modes.csv").open(encoding="utf-8")) if row["mode"] == "1"]
@@ -202,7 +201,7 @@ def frequencies(out: Path, model: dict) -> np.ndarray:
 
 
 def model_row(path: Path, model: dict, program: str, scratch: Path) -> list[str]:
-    """Return the row of a solved model: program, read, edited lines, targets, what was found, their ratios."""
+    """Return the row of a solved model: program, read, edited lines, targets, computed values, their ratios."""
     target, source = np.array(model.get("target", ())), model.get("source", "")
     if "CalculiX" in model["package"] and not len(target):
         target, source = np.sqrt(np.maximum(stored(path.parent, path.stem), 0.0)) / (2.0 * np.pi), "its .dat.ref"
@@ -253,9 +252,9 @@ def _numbers(values: np.ndarray) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, help="where packages are fetched to, and copies of repositories are")
+    parser.add_argument("--folder", type=Path, help="folder of the packages and repositories")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "real_models.md")
-    parser.add_argument("--only", default="", metavar="WORD", help="packages whose name holds it; the page stays as it is")
+    parser.add_argument("--only", default="", metavar="WORD", help="only packages with this in the name; the page is not changed")
     arguments = parser.parse_args()
     listed = tomllib.loads(MODELS.read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory(prefix="real_") as scratch:

@@ -107,7 +107,7 @@ def test_a_run_that_stops_in_time_is_put_into_the_queue_again_while_it_comes_fur
         queued.unlink()
     for launcher, more in (("exit 5", {}), (STOPS, later)):
         status, said = ended(job(tmp_path, script, **asked, launcher=launcher, **more))
-        assert status == 5 and "not put into the queue again: results/fan_1 came no further" in said and not queued.exists()
+        assert status == 5 and "not put into the queue again: results/fan_1 made no progress" in said and not queued.exists()
     status, said = ended(job(tmp_path, script, **asked, launcher=STOPS.replace("exit 5", "exit 3")))
     assert (status, said) == (3, "") and not queued.exists()
 
