@@ -1,8 +1,8 @@
-"""Generate a block with a mast on it, to stand on the ground: hexahedra, one body.
+"""Generate a block with a mast on it, for contact with rigid ground: hexahedra, one body.
 
     python meshes/block_on_ground.py --out meshes/block_on_ground.msh
 
-Axes: x along the block, y across, z upwards from the ground; the origin is in the middle of the underside.  Surfaces: "foot" (the
+Axes: x along the block, y across, z upwards from the ground; the origin is the centre of the underside.  Surfaces: "foot" (the
 underside), "shoulders" (the top of the block beside the mast) and "mast_top".
 """
 
@@ -41,7 +41,7 @@ def block_on_ground(given: BlockOnGround) -> dict[str, Body]:
     half, middle = 0.5 * given.length, 0.5 * given.mast
 
     def piece(x: tuple[float, float], z: tuple[float, float], n_x: int, n_z: int, names) -> Body:
-        size, origin = (x[1] - x[0], given.width, z[1]), (x[0], -0.5 * given.width, z[0])  # z: from where on, and how high
+        size, origin = (x[1] - x[0], given.width, z[1]), (x[0], -0.5 * given.width, z[0])  # z: start and height
         return box(given.kind, size, (n_x, given.n_width, n_z), origin, names)
 
     low, up = (0.0, given.height), (given.height, given.mast_height)
@@ -60,7 +60,7 @@ def block_on_ground(given: BlockOnGround) -> dict[str, Body]:
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     generate(__doc__, BlockOnGround, block_on_ground, arguments=arguments)
 
 

@@ -1,7 +1,7 @@
 """Structured blocks of any element kind: mapped, joined to bodies with named surfaces, and checked.
 
-The generators of this folder and the tests build their meshes with it.  A block is a lattice that is twice as fine as
-its cells, so that every mid-side node of every kind is a lattice point and lies on the mapped, curved geometry.
+The generators of this folder and the tests build their meshes with it.  A block is a lattice twice as fine as
+its cells, so that every mid-side node is a lattice point and is placed on the mapped, curved geometry.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def block(kind: str, mapping: Callable, divisions: tuple[int, int, int], names: 
     ----------
     mapping : function of three arrays u, v, w (n,) in [0, 1] that returns the points (n, 3) [m]
     divisions : cells along u, v, w
-    names : {side: surface name}, sides "x0" (u = 0), "x1" (u = 1), "y0" ... "z1"; other sides get no name
+    names : {side: surface name}, sides "x0" (u = 0), "x1" (u = 1), "y0" ... "z1"; sides not given have no name
 
     Raises
     ------
@@ -103,7 +103,7 @@ def block(kind: str, mapping: Callable, divisions: tuple[int, int, int], names: 
 
 
 def box(kind: str, lengths, divisions: tuple[int, int, int], origin=(0.0, 0.0, 0.0), names=None) -> Body:
-    """Return a box along the axes; its sides are the surfaces "x0", "x1", ... "z1", or what ``names`` says.  Local."""
+    """Return a box along the axes; its sides are the surfaces "x0", "x1", ... "z1", or as in ``names``.  Local."""
 
     def mapping(u, v, w):
         return np.asarray(origin) + np.stack([u, v, w], axis=-1) * np.asarray(lengths)
@@ -114,7 +114,7 @@ def box(kind: str, lengths, divisions: tuple[int, int, int], origin=(0.0, 0.0, 0
 def stacked(
     kind: str, lengths, divisions: tuple[int, int, int], ground_height: float, ground_divisions: int = 1
 ) -> dict[str, Body]:
-    """Return a bar along x from the origin that rests on a plate of its own length and width.  Local.
+    """Return a bar along x from the origin that rests on a plate of the same length and width.  Local.
 
     The nodes of the two touching surfaces, "bar_bottom" and "ground_top" at z = 0, coincide but are not shared.
     The bar's ends are "bar_start" (x = 0) and "bar_end"; the plate's underside is "ground_base".
@@ -160,7 +160,7 @@ def skin(body: Body) -> list[np.ndarray]:
 def jacobian_minimum(body: Body) -> np.ndarray:
     """Return the smallest det J of every element over its nodes and 3 x 3 x 3 quadrature points, (n_elements,).  Local.
 
-    Relative to the reference element of unit edges, so a positive number is of the size of the element's cell [m3].
+    Relative to the reference element of unit edges, so a positive value is about the volume of the element's cell [m3].
     """
     places = np.concatenate([_offsets(body.kind)[0] / 2.0, _quadrature(body.kind)[0]])
     return _determinants(body, places).min(axis=1)

@@ -3,10 +3,10 @@
     python meshes/bolted_lap.py --out meshes/bolted_lap.msh
     python meshes/bolted_lap.py --matching 2 --out meshes/bolted_lap_matching.msh
 
-Axes: x along the plates from the clamped end, y across, z upwards; the plates touch at z = 0, "plate_1" lies below.
-Each hole is in a rectangle of its own, with four blocks around it.  The bolts are one body, "bolts", with some
-clearance in the holes: the heads lie on "plate_2", the nuts under "plate_1".  Surfaces: "lap_1", "lap_2" (the plates on
-each other), "heads", "nuts" (rings beyond the edge of the hole that the bolts press with), "top", "bottom" (of the lap,
+Axes: x along the plates from the clamped end, y across, z upwards; the plates touch at z = 0, "plate_1" is below.
+Each hole is in a separate rectangle, with four blocks around it.  The bolts are one body, "bolts", with
+clearance in the holes: the heads rest on "plate_2", the nuts are under "plate_1".  Surfaces: "lap_1", "lap_2" (contact of
+the plates), "heads", "nuts" (rings outside the hole, with which the bolts press), "top", "bottom" (of the lap,
 under the heads and over the nuts), "clamp", "tip", and "cut_1", "cut_2", ... across the shanks, between elements that
 share their nodes.
 """
@@ -57,7 +57,7 @@ class _Cells:
     radial: int
     through: int
     along: int
-    growth: float = 0.0  # in [0, 1): how much smaller they are at the inside of a ring
+    growth: float = 0.0  # in [0, 1): how much smaller the cells are at the inside of a ring
 
 
 def bolted_lap(joint: BoltedLap) -> dict[str, Body]:
@@ -65,7 +65,7 @@ def bolted_lap(joint: BoltedLap) -> dict[str, Body]:
 
     Raises
     ------
-    ValueError: lengths that turn an element inside out or let parts run into each other.
+    ValueError: lengths that turn an element inside out or let parts overlap.
     """
     _check(joint)
     t, start = joint.thickness, joint.length - joint.bolts * joint.pitch
@@ -168,7 +168,7 @@ def _rectangle(half):
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     generate(__doc__, BoltedLap, bolted_lap, lambda asked: [("lap_1", "lap_2")] if asked.matching else [], arguments=arguments)
 
 

@@ -1,11 +1,11 @@
-"""Generate a beam of two halves, bolted as the Brake-Reuss beam, as an input file of Abaqus in its pre-processor's style.
+"""Generate a beam of two halves, bolted as the Brake-Reuss beam, as an Abaqus input file in the style of Abaqus/CAE.
 
     python meshes/brake_reuss.py --out meshes/brake_reuss.inp
 
 In mm, t and s.  Parts HALF_BEAM, BOLT, NUT and WASHER; two halves, the second turned by half a revolution, and three bolts with a
-nut and two washers each.  Axes: x along the beam from the clamped end, z upwards; the halves touch at z = 0.  Tied are washers on
-beams, heads and nuts on washers, nuts on threads; the halves are in contact; a sensor at the free end is a mass on a reference
-point, coupled to the end face; the bolts are to be tightened in the first step, by cuts at z = 0.
+nut and two washers each.  Axes: x along the beam from the clamped end, z upwards; the halves touch at z = 0.  Ties connect
+washers to beams, heads and nuts to washers, and nuts to threads; the halves are in contact; a sensor at the free end is a mass on
+a reference point, coupled to the end face; the first step tightens the bolts, by pre-tension sections at z = 0.
 """
 
 from __future__ import annotations
@@ -91,11 +91,11 @@ class BrakeReuss:
 
 
 def parts(beam: BrakeReuss) -> dict[str, Body]:
-    """Return the four parts, each where its own axes have it.  Local.
+    """Return the four parts, each in its own axes.  Local.
 
     Raises
     ------
-    ValueError: lengths that turn an element inside out or let parts run into each other.
+    ValueError: lengths that turn an element inside out or let parts overlap.
     """
     if not 0.0 < beam.shank < beam.hole < beam.head < beam.washer < min(beam.lap / 3.0, beam.width) or beam.lap >= beam.length:
         raise ValueError(
@@ -203,7 +203,7 @@ def _surfaces(body: Body) -> dict[str, dict[str, list[int]]]:
 
 
 def _rows(records: list[list[int]]) -> list[str]:
-    """Return records of whole numbers, 16 a line; those that go on end in a comma."""
+    """Return records of integers, 16 a line; continued lines end in a comma."""
     lines = []
     for record in records:
         pieces = [record[i : i + 16] for i in range(0, len(record), 16)]
@@ -261,7 +261,7 @@ def _connections() -> list[str]:
 
 
 def main(arguments=None) -> None:
-    """Write the file that the command line asks for and print what it holds."""
+    """Write the requested file and print a summary."""
     parser = parser_of(__doc__, ".inp")
     add_options(parser, BrakeReuss)
     given = vars(parser.parse_args(arguments))

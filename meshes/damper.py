@@ -1,11 +1,11 @@
-"""Generate two blades with a wedge damper under their platforms: hexahedra, flanks with meshes of their own.
+"""Generate two blades with a wedge damper under their platforms: hexahedra, non-matching flanks.
 
     python meshes/damper.py --out meshes/damper.msh
 
-Axes as of the fan sector: x along the circumference, y along the engine's axis, z outwards; the axis is the line x = z = 0.
-The blades stand on radii, one on each side of x = 0, mirror images of each other.  The undersides of their platforms
-("left_platform", "right_platform") make a roof; under it lies the damper, a prism whose flanks ("damper_left",
-"damper_right") touch both without sharing nodes.  Roots are held at "left_root", "right_root"; tips are "left_tip", "right_tip".
+Axes as of the fan sector: x along the circumference, y along the engine's axis, z outwards; the axis is the line x = z = 0. The
+blades stand on radii, one on each side of x = 0, mirror images of each other.  The undersides of their platforms
+("left_platform", "right_platform") make a roof; the damper is below it, a prism whose flanks ("damper_left", "damper_right")
+touch both without sharing nodes.  Roots are clamped at "left_root", "right_root"; tips are "left_tip", "right_tip".
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _prism(kind: str, section: np.ndarray, length: float, divisions: tuple[int, 
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     generate(__doc__, Damper, damper, arguments=arguments)
 
 

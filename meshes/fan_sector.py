@@ -81,7 +81,7 @@ class _Geometry:
     """Points and curves of a ``Shape`` in sections of constant y: arrays (2, n) of x and z [m]; y is (n,) everywhere.
 
     A profile (s, z) is swept: s runs along the radii of the dovetail's arc, so each s is a cylinder and the blade can
-    be pushed in along the arc.  ``side`` is +1 or -1.
+    be inserted along the arc.  ``side`` is +1 or -1.
     """
 
     def __init__(self, shape: Shape):
@@ -277,7 +277,7 @@ def _reversed(curve):
 
 
 def _coons(low, high, left, right):
-    """Return the section's map (u, v, y) -> (x, z) between low and high, curves along u, left and right, along v."""
+    """Return the section's map (u, v, y) -> (x, z) between the curves low and high along u, left and right along v."""
 
     def section(u, v, y):
         corners = (1.0 - u) * ((1.0 - v) * low(0.0, y) + v * high(0.0, y)) + u * ((1.0 - v) * low(1.0, y) + v * high(1.0, y))
@@ -287,7 +287,7 @@ def _coons(low, high, left, right):
 
 
 def _extruded(shape: Shape, section, divisions, names=None, side: int = 1) -> Body:
-    """Return the block of a section's map along y; a mirrored section (side = -1) runs backwards, to stay positive."""
+    """Return the block of a section's map along y; a mirrored section (side = -1) is swept backwards, to keep det J positive."""
 
     def mapping(u, v, w):
         y = side * (v - 0.5) * shape.root_length
@@ -298,12 +298,12 @@ def _extruded(shape: Shape, section, divisions, names=None, side: int = 1) -> Bo
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     parser = parser_of(__doc__, "Gmsh format 2.2")
     parser.add_argument("--size", choices=SIZES, default="small", help="element counts")
     parser.add_argument("--ascii", action="store_true", help="write text instead of binary")
     add_options(parser.add_argument_group("geometry: m, degrees"), Shape)
-    add_options(parser.add_argument_group("elements: default as --size says"), Divisions, has_defaults=False)
+    add_options(parser.add_argument_group("elements: default as for --size"), Divisions, has_defaults=False)
     given = vars(parser.parse_args(arguments))
     divisions = replace(SIZES[given["size"]], **named(given, Divisions))
     write(parser, given, lambda: fan_sector(Shape(**named(given, Shape)), divisions), [("blade_root", "disc_slot")])

@@ -1,4 +1,4 @@
-"""The command line of a mesh generator: an option for each field of a dataclass, which says what it is."""
+"""The command line of a mesh generator: an option for each field of a dataclass, with its description."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Contacts = list[tuple[str, str]]  # pairs of surfaces whose nodes coincide
 
 
 def says(default, text: str, choices: Sequence | None = None):
-    """Return a field of a dataclass with what the command line says of it."""
+    """Return a field of a dataclass with its help text."""
     return field(default=default, metadata={"help": text, "choices": choices})
 
 
@@ -37,16 +37,16 @@ def add_options(parser, kind: type, has_defaults: bool = True) -> None:
 
 
 def named(given: dict[str, Any], kind: type) -> dict[str, Any]:
-    """Return what was given for the fields of a dataclass."""
+    """Return the given options that are fields of a dataclass."""
     return {item.name: given[item.name] for item in fields(kind) if item.name in given}
 
 
 def generate(
     doc: str, kind: type, make: Callable, contacts: Callable[[Any], Contacts] = lambda asked: [], arguments=None
 ) -> None:
-    """Write the mesh of Gmsh that the command line asks for, and print what it holds.
+    """Write the requested Gmsh mesh and print a summary.
 
-    ``make`` returns the bodies of what is asked for, a value of the dataclass ``kind``; ``contacts`` its matching surfaces.
+    ``make`` returns the bodies for a value of the dataclass ``kind``; ``contacts`` its matching surfaces.
     """
     parser = parser_of(doc, "Gmsh format 2.2")
     parser.add_argument("--ascii", action="store_true", help="write text instead of binary")
@@ -59,7 +59,7 @@ def generate(
 def write(
     parser: argparse.ArgumentParser, given: dict[str, Any], make: Callable[[], dict[str, Body]], contacts: Contacts
 ) -> None:
-    """Write the bodies that ``make`` returns, and print what they are; end with status 2 where there are none such."""
+    """Write the bodies that ``make`` returns and print a summary; exit with status 2 if the parameters are not valid."""
     try:
         bodies = make()
         write_msh(given["out"], bodies, binary=not given["ascii"])

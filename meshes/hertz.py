@@ -3,8 +3,8 @@
     python meshes/hertz.py --out meshes/hertz.msh --shape sphere --base 20
 
 Axes: z out of the flat surface at z = 0, the contact around the origin.  The cap fills 0 <= x <= size (a quarter), or
--size <= x <= size (a half), and 0 <= y <= size; z = (x^2 + y^2) / 2 R is its lower side.  That of a roller, one element long, is
-z = x^2 / 2 R.  Elements are finest at the contact.  Surfaces: "cap" (the round side), "top", "middle_x", "middle_y", "end_x",
+-size <= x <= size (a half), and 0 <= y <= size; z = (x^2 + y^2) / 2 R is its lower side.  For a roller, one element long, it is
+z = x^2 / 2 R.  Elements are smallest at the contact.  Surfaces: "cap" (the round side), "top", "middle_x", "middle_y", "end_x",
 "end_y"; of the base "flat", "bottom", "base_x", "base_y".
 """
 
@@ -71,7 +71,7 @@ def hertz(given: Hertz) -> dict[str, Body]:
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     generate(__doc__, Hertz, hertz, arguments=arguments)
 
 

@@ -1,11 +1,11 @@
-"""Generate a round body on a flat one with even cells up to the edge of the contact, to compare with Cattaneo and Mindlin.
+"""Generate a round body on a flat one with uniform cells up to the edge of the contact, to compare with Cattaneo and Mindlin.
 
     python meshes/hertz_rings.py --out meshes/rings.msh --shape sphere --rings 24 --base-rings 30
 
-Axes: z out of the flat surface at z = 0, the contact around the origin; both bodies lie at y >= 0.  A sphere's cap and its base
+Axes: z out of the flat surface at z = 0, the contact around the origin; both bodies are at y >= 0.  A sphere's cap and its base
 are halves of cylinders, meshed in rings about the z axis; a roller and its base are slices one element long, meshed in rows.
 Rings or rows are of equal width from the middle (of a sphere: from half the radius of contact) to beyond the edge, and grow
-from there, and downwards.  Surfaces: "cap" and "flat" (as far as the equal rings), "top", "bottom", "middle_y", "end_y" (roller),
+from there, and downwards.  Surfaces: "cap" and "flat" (up to the last equal ring), "top", "bottom", "middle_y", "end_y" (roller),
 "base_y", "base_end_y".
 """
 
@@ -18,7 +18,7 @@ from blocks import SIDES, Body, block, jacobian_minimum, join
 from generator import generate, says
 
 CORE = 0.5  # radius of the innermost ring of a sphere, over that of the contact
-SQUARE = 0.25  # half the side of the square within, likewise
+SQUARE = 0.25  # half the side of the inner square, over the radius of the contact
 BLEND = 3  # rings from the square to the innermost one
 BEYOND = 1.15  # radius of the largest of the equal rings, over that of the contact
 
@@ -58,13 +58,13 @@ def _steps(places: np.ndarray):
 
 
 def half_disc(given: Rings, rings: int, angles: int):
-    """Return parts of the half disc y >= 0: functions (u, v) -> (x, y), and numbers of cells.  Local."""
+    """Return the parts of the half disc y >= 0: functions (u, v) -> (x, y), and numbers of cells.  Local."""
     square, outwards = SQUARE * given.contact, radii(given, rings, CORE)
     blend = np.linspace(square, outwards[0], BLEND + 1)[:-1]
     at = _steps(np.concatenate([blend, outwards]))
 
     def fan(first, n_eighths):
-        """Return a part that reaches over eighths of the circle, from the square's boundary outwards."""
+        """Return a part that covers a number of eighths of the circle, from the square's boundary outwards."""
 
         def part(u, v):
             angle, r = np.pi / 4.0 * (first + n_eighths * (1.0 - u)), at(v)
@@ -75,7 +75,7 @@ def half_disc(given: Rings, rings: int, angles: int):
 
         return part, (n_eighths * angles, BLEND + len(outwards) - 1)
 
-    def middle(u, v):  # rays from the middle meet the square's sides where the fans' do
+    def middle(u, v):  # rays from the centre meet the square's sides at the nodes of the fans
         tangent = np.tan(np.pi / 4.0 * np.stack([2.0 * u - 1.0, v]))
         return square * tangent
 
@@ -91,7 +91,7 @@ def strip(given: Rings, rows: int):
 
 
 def one_body(given: Rings, rings: int, angles: int, is_cap: bool) -> Body:
-    """Return the cap or the base, meshed with so many rings.  Local."""
+    """Return the cap or the base, meshed with this number of rings.  Local."""
     depths = _steps(growing(given.contact / rings, 0.0, given.size, given.growth) / given.size)
     is_roller = given.shape == "roller"
 
@@ -114,11 +114,11 @@ def one_body(given: Rings, rings: int, angles: int, is_cap: bool) -> Body:
 
 
 def _surfaces(body: Body, given: Rings, rings: int, is_cap: bool) -> dict[str, list[np.ndarray]]:
-    """Return the faces by name: the contact as far as the equal rings, and the planes that hold a half or a slice."""
+    """Return the faces by name: the contact up to the last equal ring, and the planes of the symmetry conditions."""
     contact, far, prefix = ("cap", "top", "") if is_cap else ("flat", "bottom", "base_")
     x, y = body.points[:, 0], body.points[:, 1]
     across = np.abs(x) if given.shape == "roller" else np.hypot(x, y)
-    reach = BEYOND + (0.6 / rings if is_cap else 0.1)  # the base meets all of the cap
+    reach = BEYOND + (0.6 / rings if is_cap else 0.1)  # the base covers all of the cap's surface
     touching, sides = body.faces[contact][0], np.concatenate([body.faces[side][0] for side in SIDES[:4]])
     surfaces = {far: body.faces[far]}
     surfaces[contact] = [touching[(across[touching] < reach * given.contact).all(axis=1)]]
@@ -140,7 +140,7 @@ def hertz_rings(given: Rings) -> dict[str, Body]:
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     generate(__doc__, Rings, hertz_rings, arguments=arguments)
 
 

@@ -2,7 +2,7 @@
 
     python meshes/lap_joint.py --out meshes/lap_joint.msh
 
-Axes: x along the beams from the clamped end, y across, z upwards; the contact is at z = 0, "beam_1" lies below it.
+Axes: x along the beams from the clamped end, y across, z upwards; the contact is at z = 0, "beam_1" is below it.
 The nodes of both beams coincide on the lap ("lap_1", "lap_2") without being shared.
 """
 
@@ -57,7 +57,7 @@ def lap_joint(joint: LapJoint) -> dict[str, Body]:
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     generate(__doc__, LapJoint, lap_joint, lambda asked: [("lap_1", "lap_2")], arguments=arguments)
 
 

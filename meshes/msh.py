@@ -1,4 +1,4 @@
-"""Write bodies as a Gmsh mesh file, format 2.2, with named groups, and say in words what they hold."""
+"""Write bodies as a Gmsh mesh file, format 2.2, with named groups; summarise them as text."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def write_msh(path: str, bodies: dict[str, Body], binary: bool = True) -> None:
 
 
 def summary(bodies: dict[str, Body], contacts: list[tuple[str, str]]) -> str:
-    """Return counts, volume and quality of the bodies in words; ``contacts`` are pairs of surface names.  Local."""
+    """Return counts, volume and quality of the bodies as text; ``contacts`` are pairs of surface names.  Local."""
     lines = []
     for name, body in bodies.items():
         volume, lowest, aspect = volumes(body).sum(), jacobian_minimum(body).min(), aspect_ratios(body).max()

@@ -3,7 +3,7 @@
     python meshes/picture.py meshes/fan_small.msh --out docs/img/fan_small.png
     python meshes/picture.py meshes/bolted_lap.msh --surfaces lap_1 lap_2 --out docs/img/bolted_lap.png
 
-Contact is what the file shows, nodes of two bodies that coincide, or the surfaces that are named.
+Contact is drawn where nodes of two bodies coincide, or on the named surfaces.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def _joint(axes, bodies: dict[str, Body], contact: np.ndarray) -> None:
 def _surface(axes, bodies: dict[str, Body], contact: np.ndarray) -> None:
     """Draw the contact faces of the first body with their nodes, and the normal of each face."""
     x, y, _ = np.ptp(next(iter(bodies.values())).points[contact], axis=0)
-    view = _view(62.0, -25.0 if x < 2.0 * y else -80.0)  # the long side to the right
+    view = _view(62.0, -25.0 if x < 2.0 * y else -80.0)  # the longer side to the right
     name, body = next(iter(bodies.items()))
     faces = [faces[np.isin(faces, contact).all(axis=1)] for faces in skin(body)]
     outlines = [outline for part in faces for outline in _outlines(body, part)]
@@ -154,7 +154,7 @@ EAST = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _view(elevation: float, azimuth: float) -> np.ndarray:
-    """Return the view from a height and a direction round z [degrees], (3, 3)."""
+    """Return the view from an elevation and an azimuth [degrees], (3, 3)."""
     e, a = np.radians([elevation, azimuth])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -162,7 +162,7 @@ def _view(elevation: float, azimuth: float) -> np.ndarray:
 
 
 def _paint(axes, bodies: dict[str, Body], view: np.ndarray, line_width: float) -> None:
-    """Draw the faces of all bodies that look towards the viewer, the far ones first."""
+    """Draw the faces of all bodies that face the viewer, the far ones first."""
     outlines, colours, depth = [], [], []
     for colour, body in zip(BODY_COLOURS, bodies.values(), strict=False):
         for faces in skin(body):
@@ -217,7 +217,7 @@ def _normals(body: Body, faces: np.ndarray) -> np.ndarray:
 
 
 def main(arguments=None) -> None:
-    """Draw what the command line asks for."""
+    """Draw the requested picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("mesh", help="Gmsh file with physical volumes")
     parser.add_argument("--out", required=True, help="picture to write, .png, .svg or .pdf")

@@ -3,8 +3,9 @@
     python meshes/shrouded_disc.py --out meshes/shrouded_disc.msh
 
 The axis is z; the sector begins at the angle 0 and ends at 360 degrees over the number of blades.  Lines of constant angle lean
-with z: shrouds meet on inclined faces, and blades that bend along the axis slide on each other.  Surfaces: "bore", "disc_low" and
-"disc_high" (cyclic faces of the disc), "shroud_low" and "shroud_high" (where shrouds touch the neighbours'), "shroud_top".
+with z: shrouds meet on inclined faces, and blades that bend along the axis slide on their neighbours.  Surfaces: "bore",
+"disc_low" and "disc_high" (cyclic faces of the disc), "shroud_low" and "shroud_high" (where shrouds touch the neighbours'),
+"shroud_top".
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def shrouded_disc(given: ShroudedDisc) -> dict[str, Body]:
 
 
 def main(arguments=None) -> None:
-    """Write the mesh that the command line asks for and print what it holds."""
+    """Write the requested mesh and print a summary."""
     generate(__doc__, ShroudedDisc, shrouded_disc, arguments=arguments)
 
 
