@@ -40,8 +40,8 @@ class Constraints:
     points: tuple[Point, ...]
     group_nodes: tuple[int, ...]  # a node of the group of each point
     tied_bodies: np.ndarray  # (n_parts,) which connected parts are tied into one, numbered from 0
-    loose: tuple[np.ndarray, ...]  # the connected parts of each of these that nothing but joints holds
-    notes: tuple[str, ...]  # what follows what, for the log
+    loose: tuple[np.ndarray, ...]  # the connected parts of each of these that only joints hold
+    notes: tuple[str, ...]  # descriptions of the constraints, for the log
     attached: Attached | None = None  # masses, springs and dampers
 
     @property
@@ -57,11 +57,11 @@ class Constraints:
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
         """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local."""
         rows = self.T[: self.n_nodal] @ u
-        rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])  # row -1: what is fixed
+        rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])  # row -1: fixed
         return rows[self.dof[: len(self.dof) - 2 * len(self.points)]]
 
     def name_of_row(self, row: int) -> str:
-        """Return what to call a row of the system in a message.  Local."""
+        """Return the name of a row of the system for messages.  Local."""
         at, axis = np.argwhere(self.free == row)[0]
         n_nodes = len(self.free) - 2 * len(self.points)
         if at < n_nodes:

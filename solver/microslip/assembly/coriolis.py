@@ -31,7 +31,7 @@ class Coriolis:
         return matrix
 
     def free_of(self, matrix: PETSc.Mat) -> None:
-        """Free what :meth:`of` returned.  Collective."""
+        """Free the matrices of :meth:`of`.  Collective."""
         if matrix is not self.G:
             free(matrix)
 

@@ -30,7 +30,7 @@ class Coupling:
 
 
 def coupling_of_nodes(dmesh: DistributedMesh, pairs: ContactPairs, constraints: Constraints | None = None) -> Coupling:
-    """Return the coupling of the nodes of a mesh by elements, pairs and what follows what.
+    """Return the coupling of the nodes of a mesh by elements, pairs and constraints.
 
     Collective on ``dmesh.comm``.  What supports fix is counted among it.  The graph of a structure with ``constraints`` is on
     rank 0 alone.

@@ -130,7 +130,7 @@ def _is_elsewhere(entry: Load | Output) -> bool:
 
 
 def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
-    """Raise CaseError for negative masses, and for what moves without mass otherwise than by its stiffness alone."""
+    """Raise CaseError for negative masses, and for massless DOFs with mass coupling or damping."""
     mass = M.diagonal()
     if (mass < 0.0).any():
         raise CaseError(f"{where} of DOF {np.argmin(mass)} is {mass.min():g} kg; a mass must not be negative")
@@ -273,7 +273,7 @@ def _pair_map(dofs: np.ndarray, n_dof: int) -> sp.csr_matrix:
 
 
 def _connected(K: sp.csr_matrix) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the connected part of each DOF, and what to call each part.  Local."""
+    """Return the connected part of each DOF, and the name of each part.  Local."""
     _, part = scipy.sparse.csgraph.connected_components(K, directed=False)
     _, first, counts = np.unique(part, return_index=True, return_counts=True)
     return part, tuple(

@@ -38,7 +38,7 @@ class Places:
         return f"node {self.mesh.numbers[node[0]]}" if len(node) else f"DOF {row}"
 
     def on_rows(self, row: sp.spmatrix) -> sp.csr_matrix:
-        """Return what acts on places (n, n_places) as what acts on the rows of the matrices, (n, n_dof)."""
+        """Return forces on places (n, n_places) as forces on the rows of the matrices, (n, n_dof)."""
         return (row @ self.expand).tocsr()
 
     def pair_map(self, pairs: ContactPairs, names: tuple[str, str] = ("node1", "node2")) -> sp.csr_matrix:
@@ -180,7 +180,7 @@ def _recovery(tables: StructureTables, n_dof: int) -> tuple[sp.csr_matrix | None
 
 
 def _mesh(tables: StructureTables, nodes: np.ndarray) -> Mesh:
-    """Return the nodes that rows belong to, with what is known of their places."""
+    """Return the nodes of the rows, with their known places."""
     named = np.unique(nodes[nodes > 0])
     path = tables.model.file_of("nodes")
     if path is None:

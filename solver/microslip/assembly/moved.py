@@ -51,7 +51,7 @@ def _of_mesh(mesh: Mesh, tables: StructureTables, system: System) -> np.ndarray:
 
 
 def _refuse_followed(mesh: Mesh, tables: StructureTables, system: System, moved: np.ndarray) -> None:
-    """Raise MeshError where ties, points or equations follow what is moved, which would move them, too."""
+    """Raise MeshError if ties, points or equations follow moved nodes, which would move them, too."""
     if system.constraints is None:
         return
     links = find_links(mesh, tables)

@@ -19,7 +19,7 @@ class OutputRow:
 
     at: int  # the node where it is, index into Mesh.points; -1 of one that has no node
     nodes: np.ndarray  # (n,) index into Mesh.points; a node may be there several times
-    values: np.ndarray  # (n, 3) what a displacement of each node adds
+    values: np.ndarray  # (n, 3) coefficients of the displacement of each node
 
 
 def output_row(mesh: Mesh, output: Output, tables: StructureTables, links: Links | None = None) -> OutputRow:

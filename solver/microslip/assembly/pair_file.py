@@ -47,7 +47,7 @@ def _check_pair(pair: dict[str, float], n_dof: int, where: str) -> None:
 
 
 def _check_law(pair: dict[str, float], law: str, where: str) -> None:
-    """Raise CaseError unless the pair has what its law cannot do without."""
+    """Raise CaseError unless the pair has the required values of its law."""
     for name in LAWS[law].above_0:
         if pair[name] <= 0.0:
             raise CaseError(f'{where}: {name} = {pair[name]:g}; with law = "{law}" it must be above 0')

@@ -48,7 +48,7 @@ class Bolts:
     overlap: Overlap
     F_owned: np.ndarray  # (n_dof_owned, n_bolts) N/m, the load of a unit shortening
     k: np.ndarray  # (n_bolts,) N/m, force in the cut of a unit shortening while no node moves
-    loaded: np.ndarray  # (n_bolts,) N, what the loads on the elements above a cut add to the force in it
+    loaded: np.ndarray  # (n_bolts,) N, force in a cut due to the loads on the elements above it
 
 
 def pretension(dmesh: DistributedMesh, mesh: Mesh | None, tables: StructureTables, system: System) -> Bolts | None:

@@ -1,4 +1,4 @@
-"""Products of a sparse matrix with many columns: the entries are read once, and the rows of X that they multiply lie together.
+"""Products of a sparse matrix with many columns: the entries are read once, and the rows of X that they multiply are contiguous.
 
 `python jobs/bench/kernels.py` compares them with PETSc's.
 """
@@ -55,7 +55,7 @@ def by_petsc(A: PETSc.Mat, X_owned: np.ndarray, product: np.ndarray) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Others:
-    """What a product takes from other ranks; an attribute of the matrix, valid as long as that does not change."""
+    """Data of other ranks for a product; an attribute of the matrix, valid as long as that does not change."""
 
     state: int  # of the matrix, which PETSc counts up with every change
     own: int  # address of the part with the columns of this rank

@@ -68,7 +68,7 @@ def acting_at_rest(
 
 
 def restrained_places(system: System) -> np.ndarray:
-    """Return where more than elements, loads and contact acts, (n_nodes, 3) bool: what is held, follows or leads.  Local."""
+    """Return the DOFs with constraint forces, (n_nodes, 3) bool: fixed, following or leading ones.  Local."""
     assert system.dof is not None, "a structure with a mesh"
     constraints = system.constraints
     if constraints is None:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..mesh.links import Links
     from .constraints import Constraints
 
-_PREVENTED = 1e-6  # of a rigid motion, in the mean of what it moves against supports, beyond which they prevent it
+_PREVENTED = 1e-6  # of a rigid motion, its mean on the supported DOFs above which supports prevent it
 
 
 def free_combinations(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> np.ndarray:
@@ -44,7 +44,7 @@ def free_combinations(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> np.ndar
 
 
 def _null_space(rows: np.ndarray, limit: float) -> np.ndarray:
-    """Return an orthonormal basis of what rows (m, n) map to less than ``limit``, (n, k); unit vectors where possible."""
+    """Return an orthonormal basis of the vectors that rows (m, n) map below ``limit``, (n, k); unit vectors if possible."""
     values, vectors = np.linalg.eigh(rows.T @ rows)
     basis = vectors[:, values <= limit**2]
     axes = np.flatnonzero(np.linalg.norm(basis, axis=1) > 1.0 - 1e-12)

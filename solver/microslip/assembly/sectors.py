@@ -23,7 +23,7 @@ from .wave_matrix import Unfolding, WaveMatrix, projected
 
 @dataclass(frozen=True, eq=False)
 class Sectors:
-    """One sector with both faces free, and what makes the system of each nodal diameter of it.
+    """One sector with both faces free, and the data for the system of each nodal diameter.
 
     K and M of ``sector`` have a row for each row of ``unfolding``, its maps a column for each row of T of the ``constraints``.
     """
@@ -37,7 +37,7 @@ class Sectors:
     high: np.ndarray  # (n_high,) nodes of the high face
     unfolding: Unfolding  # from the rows of a nodal diameter to those of the sector with both faces
     T: sp.csr_matrix  # (n, n_v) u = T v of the sector with both faces
-    shared: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what all nodal diameters have in common, by key
+    shared: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # data common to all nodal diameters, by key
     blades: tuple[PETSc.Mat, PETSc.Mat] | None = None  # K and M of the bodies that differ alone, on the rows of nodes
 
     @classmethod
@@ -84,7 +84,7 @@ class Sectors:
         return self.constraints.at_nodes(w)
 
     def phase(self, d: int) -> complex:
-        """Return exp(i d alpha): what leads in sector 1 before sector 0.  Local."""
+        """Return exp(i d alpha), the phase by which sector 1 leads sector 0.  Local."""
         if d % self.n_sectors == 0:
             return 1.0
         return -1.0 if 2 * d % self.n_sectors == 0 else complex(np.exp(2j * np.pi * d / self.n_sectors))
@@ -126,7 +126,7 @@ class Sectors:
         return u
 
     def free_shared(self) -> None:
-        """Free what the nodal diameters share, the factor of the sector; it is computed again when needed.  Collective."""
+        """Free the nodal diameters' common factor of the sector; it is computed again when needed.  Collective."""
         for item in self.shared.values():
             item.destroy()
         self.shared.clear()

@@ -59,10 +59,10 @@ class System:
     outputs: sp.csr_matrix  # (n_outputs, n_dof) rows o of the outputs, of displacements
     dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed or dependent; None without a mesh
     parts: np.ndarray | None = None  # (n_dof_owned,) connected part of each owned row, for messages on free bodies
-    part_names: tuple[str, ...] = ()  # what to call each part: its bodies
-    split_by: str = "one part"  # what chose each rank's rows, for the log
+    part_names: tuple[str, ...] = ()  # name of each part: its bodies
+    split_by: str = "one part"  # the method of the distribution to ranks, for the log
     output_orders: np.ndarray | None = None  # (n_outputs,) derivatives of o u by time; None: all outputs are displacements
-    output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) what p adds to contact forces; None: nothing
+    output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) contribution of p to contact forces; None: zero
     output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none
     constraints: Constraints | None = None  # displacements that follow by ties and points; None where there are none
     rest_owned: np.ndarray | None = (
@@ -122,17 +122,17 @@ class System:
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
         """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local.
 
-        Zero where fixed; what is dependent follows.
+        Zero where fixed; dependent DOFs follow.
         """
         assert self.dof is not None, "a structure with a mesh"
         if self.constraints is not None:
             return self.constraints.at_nodes(u)
-        return np.concatenate([u, np.zeros((1, *u.shape[1:]))])[self.dof]  # row -1: what is fixed
+        return np.concatenate([u, np.zeros((1, *u.shape[1:]))])[self.dof]  # row -1: fixed
 
 
 @dataclass(frozen=True)
 class RealForm(System):
-    """A complex system with real maps of twice the size: what factor and eigensolver take."""
+    """A complex system with real maps of twice the size, for factor and eigensolver."""
 
     complex_maps: System | None = None
 

@@ -181,7 +181,7 @@ class WaveMatrix:
         return (real_matrix(B), real_columns(X)) if self.is_complex else (B, X)
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Multiply a vector, of a complex phase in real form: what PETSc calls.  Collective."""
+        """Multiply a vector, of a complex phase in real form; called by PETSc.  Collective."""
         column = x.getArray()[:, None]
         product = real_columns(self.multiply(complex_columns(column))) if self.is_complex else self.multiply(column)
         y.setArray(product[:, 0])

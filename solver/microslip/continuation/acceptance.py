@@ -29,9 +29,9 @@ MISSED = (
     "accuracy not met: more harmonics or samples than the program uses or the scene states, "
     "no convergence with them, or error bars that they do not reduce"
 )
-UNBALANCED = 5e-6  # of the forces beyond which a point is not one, at a tolerance of 1e-8
-SHARPER = 1e-2  # of its tolerance, with which a point is solved again whose work or forces do not balance
-SHARPEST = 1e-13  # tolerance below which there is nothing but rounding
+UNBALANCED = 5e-6  # of the forces, beyond which a point is rejected, at a tolerance of 1e-8
+SHARPER = 1e-2  # of its tolerance, for a second solve of a point whose work or forces do not balance
+SHARPEST = 1e-13  # tolerance below which the residual is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Resolved(NamedTuple):
     solver: PointSolver
     point: Point
     moves: np.ndarray  # (n_pairs,) bool, pairs with p != 0
-    ratios: dict[str, float]  # of errors over what the accuracy allows
+    ratios: dict[str, float]  # errors over those that the accuracy allows
     memory: Memory
 
 
@@ -112,7 +112,7 @@ def resolved(
         try:
             point, moves = point_record(solver.problem, solver.selection, solution, requested, estimator)
             check_forces(solver, solution[0], point)
-        except Unbalanced:  # its residual alone may be to blame
+        except Unbalanced:  # the cause may be its residual alone
             tighter, memory = accuracy.tighter(solver.resolution, memory) if accuracy else (None, memory)
             tighter = tighter or replace(solver.resolution, tolerance=SHARPER * solver.tolerance)
             better = solve_sharper(solver, tighter, solution, requested) if tighter.tolerance >= SHARPEST else None
@@ -140,7 +140,7 @@ def at_corner(solver: PointSolver, solution: Solution, point: Point, estimator: 
 def solve_with(
     solver: PointSolver, finer: Resolution, solution: Solution, force: float | None = None
 ) -> tuple[Solution, PointSolver] | None:
-    """Solve a point of contact forces ``force`` [N] again with more; None where Newton fails.  Collective."""
+    """Solve a point of contact forces ``force`` [N] with another resolution; None if Newton fails.  Collective."""
     better = solver.resolved(finer)
     guess = solution[0].iterate.on(better.harmonics)
     solved, used = better.solve_at(guess, better.norm(guess.U), solution[1], force)
@@ -152,8 +152,8 @@ def solve_sharper(
 ) -> tuple[Solution, PointSolver] | None:
     """Solve a point again with a smaller tolerance; None where Newton fails.  Collective.
 
-    Beside a resonance that neither damping nor friction holds the equations are all but singular at a fixed frequency.  One that
-    neither was ``requested`` for nor ends the range may move, and the amplitude is held in its place.
+    Near a resonance that neither damping nor friction limits the equations are nearly singular at a fixed frequency.  A frequency
+    that is neither ``requested`` nor an end of the range may change; the amplitude is fixed instead.
     """
     better, there = solver.resolved(sharper), solution[0].iterate
     size, along = better.norm(there.U), np.array(there.U)

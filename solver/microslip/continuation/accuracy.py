@@ -1,8 +1,8 @@
 """Harmonics, samples, Newton's tolerance and steps from the requested accuracy (docs/theory.md, section 11).
 
 At every point the error bar estimates the effect of more harmonics, more samples and a smaller residual.  Where that exceeds its
-share of the accuracy the point is solved again with more, from where it is; where it stays far below for some points, the next
-ones have fewer.  The step along the branch follows from the error of a straight line between the points.
+share of the accuracy the point is solved again with more, starting from itself; where it is far below for some points, the next
+points have fewer.  The step along the branch follows from the error of a straight line between the points.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from .settings import ResponseSettings
 from .steps import ArcLength
 
 MOST_HARMONICS, MOST_SAMPLES = 31, 4096
-LEAST_SAMPLES = 64  # fewer cost no less
+LEAST_SAMPLES = 64  # fewer cost as much
 PER_HARMONIC = 4  # samples a harmonic, at least
 FAINT_OUTPUT = 1e-3  # of the largest output: fainter ones are judged against that
-LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}  # share of what is allowed, below which less will do
+LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}  # share of the allowed error, below which coarser is enough
 IN_A_ROW = 3  # points in a row
 MUST_PAY, PAYS = 9, 0.8  # harmonics from which more of them must reduce the ratio to this share; by 1 / H^2 it would be 0.67
-SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}  # of the accuracy; parts are estimates, some half of what is true
-BOTH = SHARES["harmonics"] + SHARES["samples"]  # together: samples may use what harmonics leave
+SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}  # of the accuracy; estimates may be half of the true error
+BOTH = SHARES["harmonics"] + SHARES["samples"]  # together: samples may use the unused part of the harmonics' share
 TOLERANCE = 1e-2  # of Newton, times the accuracy
 STEP = 0.5  # share of the accuracy for the straight line between two points
 LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0  # bounds of the change from one step to the next
@@ -43,7 +43,7 @@ class Resolution:
     tolerance: float = 1e-8
 
     def with_highest(self, H: int, same_samples: bool = False) -> Resolution:
-        """Return the resolution with harmonics up to H, and no fewer samples than they need unless those are to stay."""
+        """Return the resolution with harmonics up to H, and at least the samples that they need, unless ``same_samples``."""
         odd = all(n % 2 for n in self.harmonics.chosen)
         harmonics = Harmonics.odd_up_to(H) if odd else Harmonics.up_to(H)
         n_samples = self.n_samples if same_samples else max(self.n_samples, least_samples(H))
@@ -63,7 +63,7 @@ def least_samples(H: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What a branch has learnt about its resolution; the same on every rank."""
+    """Data for the choice of resolution along a branch; the same on every rank."""
 
     peak: np.ndarray | None = None  # (n_outputs,) largest amplitude so far [m]
     calm: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))  # points in a row, by part
@@ -97,7 +97,7 @@ class Accuracy:
     keeps : parts whose resolution the scene states
     chooses_steps : whether the step length follows from the accuracy, or from the number of points that the scene states
     tightest : tolerance of a point whose residual matters
-    is_corrected : whether it counts for the corrected amplitude, and what remains of its bar
+    is_corrected : whether it counts for the corrected amplitude, and its remaining bar
     """
 
     target: float
@@ -122,7 +122,7 @@ class Accuracy:
         for part, share in SHARES.items():
             values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
             over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
-            shares[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # a bar that is no estimate
+            shares[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # an undefined bar
         return shares, replace(memory, peak=peak)
 
     def finer(self, now: Resolution, ratios: dict[str, float], memory: Memory) -> tuple[Resolution | None, Memory]:

@@ -1,6 +1,6 @@
 """The state of a branch as arrays, independent of the number of ranks; a restored state continues bitwise identically.
 
-In addition to the last points it contains the resolution, the hold of the mean slip, what the accuracy has learnt, the next
+In addition to the last points it contains the resolution, the regularisation of the mean slip, the data of the accuracy, the next
 step, the neighbours of the last maximum, and the points of the preconditioners, which are rebuilt there.  These are no part of a
 solution, but decide its last bits.
 """
@@ -39,7 +39,7 @@ _KINDS = (WholeInverse, HarmonicPreconditioner, SubdomainPreconditioner, Sectors
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a state that mostly stays from one state to the next: what it is made of, and how.  ``arrays`` is collective."""
+    """A part of a state that changes seldom: its source, and the function for its arrays.  ``arrays`` is collective."""
 
     of: object
     arrays: Callable[[], Arrays]

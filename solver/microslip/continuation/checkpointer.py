@@ -78,7 +78,7 @@ class NoCheckpoints:
         """Do nothing.  Local."""
 
     def solved_for(self, kind: type[T], solve: Callable[[], list[T]]) -> list[T]:
-        """Return what ``solve`` returns.  Collective as ``solve``."""
+        """Return the result of ``solve``.  Collective as ``solve``."""
         return solve()
 
 

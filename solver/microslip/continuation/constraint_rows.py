@@ -73,7 +73,7 @@ class EnclosedRow(Protocol):
     """A row that jumps, which SNES cannot solve for: it is enclosed on the curve of solutions that the other rows leave."""
 
     def correct(self, corrector: Any, system: Any, guess: Iterate) -> Any:
-        """Return what the corrector's ``correct`` does, for a system of the k - 1 other rows.  Collective."""
+        """Return the correction, as the corrector's ``correct``, for a system of the k - 1 other rows.  Collective."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
 SHARP = 5.0  # tolerances: allowed error of the motion of a point, by its last Newton step
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
-EXACT = 10.0  # tolerances of GMRES: residual of a Newton system up to which single precision is not what failed
+EXACT = 10.0  # tolerances of GMRES: up to this residual of a Newton system single precision is not the cause of a failure
 POOR, ROUNDS = 0.2, 4  # of the residual left by a Newton step, beyond which the rows of few pairs are solved by themselves
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
@@ -74,9 +74,9 @@ class Correction:
     failure: str | None
     bound: float = 0.0  # the requested tolerance
     gap: float = 0.0  # m, the most that the motion of the stiffest pairs and that under their forces differ by
-    is_linear: bool = False  # the linear response, found without solving
+    is_linear: bool = False  # the linear response, without a solve
     neighbours: tuple[Iterate, ...] = ()  # solutions before and after a maximum by the phase, where the curve may have a corner
-    within: float = 0.0  # rad/s: of a maximum that is a corner, the interval that it lies in; 0 where the slope is
+    within: float = 0.0  # rad/s: of a maximum that is a corner, the width of its bracket; 0 where the slope is
 
     def with_effort_of(self, other: Correction) -> Correction:
         """Return it with the iterations of another solve added.  Local."""

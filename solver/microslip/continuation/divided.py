@@ -2,7 +2,7 @@
 
 A coarse curve, in few harmonics and long steps, shows where the branch leads, folds included.  At some of its points the problem
 itself is solved on the plane normal to the coarse curve, and from each of these solutions the branch is followed until it passes
-the next one.  A part that passes none, because the coarse curve lies elsewhere, goes on to the end of the range.
+the next one.  A part that passes none, because the coarse curve is elsewhere, continues to the end of the range.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from .ways_out import MOSTLY, regularised
 
 PARTS = 2  # of a level, for each group of ranks
 STEP = 0.1  # effort of a step in addition to that of the sliding pairs, as a share of all pairs
-LONGER = 4.0  # times the steps of the curve are those of the coarse one
-TURN, EASY = 0.5, 8  # rad between two of its steps, and Newton iterations, at which their length is unchanged
+LONGER = 4.0  # ratio of the steps of the coarse curve to those of the curve
+TURN, EASY = 0.5, 8  # rad between two steps of the coarse curve, and Newton iterations, at which their length is unchanged
 COARSE = 1e-4  # tolerance of its points
-NEAR = 0.3  # of the step that passes a beginning, the most that its chord lies from it
+NEAR = 0.3  # largest distance of the chord of a step from a beginning that it passes, over its length
 
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """The first point of a part, and the state from which the branch goes on, as arrays that take any number of ranks."""
+    """The first point of a part, and the state from which the branch continues, as arrays for any number of ranks."""
 
     point: Point
     state: Arrays
@@ -55,7 +55,7 @@ class Beginning:
         return solver.carried(point_state(under("now", self.state), solver.equation.model.owned))
 
 
-# -- where the curve leads ---------------------------------------------------------------------------------------------
+# -- the coarse curve ---------------------------------------------------------------------------------------------
 
 
 def coarse_curve(of: ResponseProblem, level: float) -> list[Arrays]:
@@ -188,7 +188,7 @@ def passed(
 ) -> int | None:
     """Return the first part after the ``k``-th whose beginning the step from ``a`` to ``b`` passes, None if there is none.
 
-    Collective.  The step passes the plane at the beginning, and its chord lies near to it there.
+    Collective.  The step passes the plane at the beginning, and its chord is near to the beginning there.
     """
     if a is None or b is None:
         return None

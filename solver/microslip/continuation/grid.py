@@ -42,7 +42,7 @@ def advancing(points: Sequence[Point], direction: float) -> list[float]:
 def secant(before: Iterate | None, now: Iterate, omega: float) -> Iterate:
     """Return a guess at ``omega`` [rad/s]: on the secant through two points where it reaches that far, else the last point.
 
-    Local.  Where ``omega`` lies back of the last point, that point is the guess: the branch may have folded.
+    Local.  If ``omega`` is behind the last point, that point is the guess: the branch may have folded.
     """
     if before is None or not 0.0 < (omega - now.parameter) / (now.parameter - before.parameter) <= FURTHEST:
         return now.at(omega)
@@ -59,13 +59,13 @@ def at_frequencies(
 ) -> Branch:
     """Solve one level at ``omegas`` (n,) [rad/s], consecutive ones different, each from the points before it.
 
-    Collective.  Divergence raises nothing: the branch keeps its points, with the reason in
+    Collective.  Divergence does not raise: the branch has the points so far, and the reason in
     ``failure``.  If several solutions exist at a frequency, the result is one near the last point.
 
     Notes
     -----
-    Every method starts from its own last two points by the same predictor, the secant.  To a frequency that Newton does
-    not reach so, beyond a fold for one, the branch is followed in its arc length; points on the way are not recorded, but
+    Every method starts from its own last two points by the same predictor, the secant.  If Newton does not
+    reach a frequency so, as beyond a fold, the branch is followed by arc length; points on the way are not recorded, but
     their iterations and time count.
     """
     return solved_at(task_at(problem, selection, omegas, tolerance), omegas, on_point)
@@ -79,8 +79,8 @@ def task_at(
     estimator: ErrorEstimator | None = None,
     accuracy: Accuracy | None = None,
 ) -> BranchTask:
-    """Return what :func:`solved_at` goes by.  Local."""
-    # springs would stay for good, and compare another problem
+    """Return the task for :func:`solved_at`.  Local."""
+    # springs would stay, and another problem would be compared
     return BranchTask(problem, selection, range_of(omegas), GRID_STEPS, tolerance, estimator, accuracy, may_hold=False)
 
 

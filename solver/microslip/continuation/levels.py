@@ -51,7 +51,7 @@ USUAL_POINTS = 100
 
 @dataclass(frozen=True, eq=False)
 class ResponseProblem:
-    """What all levels of a response share."""
+    """Data that all levels of a response share."""
 
     settings: ResponseSettings
     model: ReducedModel
@@ -259,7 +259,7 @@ def follow_level(
     """Return the branch of one level [N], with error bars if there is an enriched model, and peaks if requested.  Collective.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
-    Newton does not pass in one direction, often lie on one side only.
+    Newton does not pass in one direction, are often on one side only.
     """
     return with_peaks(of, whole_branch(of, level, on_point, checkpointers), checkpointers)
 

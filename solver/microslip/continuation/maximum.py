@@ -1,8 +1,8 @@
 """A maximum over the frequency as a row of the system, solved for between two solutions (docs/theory.md, section 7).
 
-Where a sample of the contact law begins or ends to slip, the slope of an amplitude jumps.  Near its peak a curve turns mostly by
-such jumps: the maximum is a corner, where the slope has no zero that Newton's method could find.  The other rows of the system
-leave a curve of solutions, on which the maximum is enclosed between a solution that rises and one that falls.
+Where a sample of the contact law begins or ends to slip, the slope of an amplitude jumps.  Near its peak a curve bends mostly by
+such jumps: the maximum is a corner, without a zero of the slope for Newton's method.  The other rows of the system define a curve
+of solutions, on which the maximum is bracketed between a solution with rising and one with falling amplitude.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from .outputs import output_at
 EXACT = 1e-8  # relative tolerance of the linear solves for rates
 MOST_SOLUTIONS = 40
 CLOSE = 1e-3  # share of the first interval within which a corner is enclosed
-CLOSEST = 1e-12  # share of it that is divided no further
+CLOSEST = 1e-12  # share of it that is not divided further
 REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, where no neighbour on the curve is known
 DIVISIONS = 4  # of the parts of the curve next to the highest solution, between the neighbours of a maximum where pairs slip
-FURTHER = 12  # more of them, where a search from the highest solution does not end as high
-ABOVE = 1e-5  # of a maximum, by which one before it on another piece of the curve is higher
+FURTHER = 12  # further divisions, if a search from the highest solution ends lower
+ABOVE = 1e-5  # of a maximum, by which one on another piece of the curve must be higher
 SAME = 0.1  # of the distance to a maximum, within which a solution is the maximum itself
-WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others next to it may be higher
-SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided: the next where Newton's method fails
+WIDE = 0.99  # of a maximum: if the solution that first showed it is lower, others next to it may be higher
+SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided; the second if Newton's method fails
 INWARD = tuple(0.5**k for k in range(1, 9))  # of the way from a neighbour that the search begins at, to a higher solution
-ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, to go on by from there
-BACK = 0.9  # cosine of the angle between two ways from a solution, above which they are on the same part of the curve
+ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, lengths of an extrapolation
+BACK = 0.9  # cosine of the angle between two chords from a solution, above which they are on the same part of the curve
 HALVES = 3  # of the way from one solution to another one, where Newton's method fails
-OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
+OVERSHOOT = 1.5  # times the distance to the maximum of a resonance: the first step ends beyond it
 
 
 Row = list[tuple[Iterate, float]]  # a solution between two that are lower, along the curve, with their amplitudes
@@ -42,7 +42,7 @@ Row = list[tuple[Iterate, float]]  # a solution between two that are lower, alon
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A solution on the curve that the other rows leave, and the amplitude of the output there; numbers agree on all ranks."""
+    """A solution on the curve of the other rows, and the amplitude of the output there; numbers agree on all ranks."""
 
     t: float  # its coordinate
     iterate: Iterate
@@ -87,7 +87,7 @@ class _Search:
         self.normal: Plane | None = None  # its coordinate t, through the first solution; None before that is known
 
     def maximum(self, guess: Iterate) -> Correction:
-        """Return the maximum; about the highest of some solutions where pairs slip or a guess alone does not lead to it."""
+        """Return the maximum; about the highest of some solutions if pairs slip or the guess alone does not lead to it."""
         if len(self.row.neighbours) != 2:
             return self.from_guess(guess, self.at_frequency(guess))
         given, first = guess, self.solved(guess, self.at_frequency(guess))
@@ -121,7 +121,7 @@ class _Search:
     def inside(self, given: Iterate, solution: Iterate) -> Iterate:
         """Return a higher solution on the way from a neighbour to the other one, if the search begins at it.  Collective.
 
-        The curve rises from there; as far on as halves of the way lead to such a solution.
+        The curve rises from there; the way is halved until it leads to such a solution.
         """
         for end, other in (self.row.neighbours, self.row.neighbours[::-1]):
             for share in INWARD if self.distance(given, end) == 0.0 else ():
@@ -137,7 +137,7 @@ class _Search:
     def on_higher_piece(self, maximum: Correction) -> Correction:
         """Return the highest solution of a piece of the curve that overlaps the one of a maximum, where that is higher.
 
-        Where a pair begins to slip its mean position may jump, and with it the solution: the curve goes on beside its end.
+        Where a pair begins to slip its mean position may jump, and with it the solution: the curve continues next to its end.
         """
         best, size, state = maximum, self.size(maximum.iterate), self.state(maximum.iterate)
         for end in self.neighbours if self.normal else ():
@@ -150,8 +150,8 @@ class _Search:
     def along_piece(self, end: Iterate, top: Iterate) -> tuple[Sample | None, float]:
         """Return the highest solution on the piece of a neighbour of a maximum, and the width [rad/s] that it is known to.
 
-        On to the place of the maximum, ``top``, and beyond it, by halves where the solution is no longer on the piece.  None
-        where that leads to the maximum itself and the tangent there shows no higher one before it.
+        Steps to the place of the maximum, ``top``, and beyond it, halved where the solution is no longer on the piece.  None
+        if that leads to the maximum itself and the tangent there shows no higher solution before it.
         """
         here, t, size = self.at(self.place(end), end), self.place(top), self.size(top)
         step = 0.0 if here is None else t - here.t
@@ -195,11 +195,11 @@ class _Search:
     # -- the highest of some solutions on the curve ----------------------------------------------------------------
 
     def narrowed(self, row: Row, divisions: int) -> Row | None:
-        """Return the highest of solutions between a solution and its neighbours, and those beside it.
+        """Return the highest of some solutions between a solution and its neighbours, and the two next to it.
 
-        The curve of a sampled law has small maxima near the highest one, at corners; and it may turn back at its top, where no
-        coordinate that is fixed at one solution leads on.  Amplitudes of solutions between others are subject to
-        neither.  None without two neighbours that are lower.
+        The curve of a sampled law has small maxima near the highest one, at corners; and it may turn back at its top, beyond
+        which a coordinate fixed at one solution does not reach.  Comparing amplitudes avoids both.  None without two lower
+        neighbours.
         """
         for _ in range(divisions):
             (low, _), (here, _), (high, _) = row
@@ -214,7 +214,7 @@ class _Search:
     def within(self, row: Row) -> Correction:
         """Return the maximum between two solutions near the one between them.
 
-        Where a search from that one does not end as high, the highest solution after further divisions.
+        If a search from that one ends lower, the highest solution after further divisions.
         """
         (before, _), (here, size), (after, _) = row
         self.neighbours, self.normal = (before, after), None
@@ -228,10 +228,10 @@ class _Search:
         return replace(maximum, iterate=here, failure=None, within=max(ends) - min(ends))
 
     def beside(self, other: Iterate, here: Iterate, end: Iterate) -> tuple[Iterate, float] | None:
-        """Return a solution between this one and an end of the curve, with its amplitude; None where none is found.
+        """Return a solution between this one and an end of the curve, with its amplitude; None without one.
 
-        Where the curve turns so much that planes across the chord do not lead to it, or lead back to its part on the other side:
-        on from a solution there.
+        If the curve bends so much that planes across the chord do not meet it, or meet its part on the other side, the solution
+        is extrapolated from there.
         """
         reach, back = self.distance(here, end), self.distance(other, here)
         for share in SHARES:
@@ -246,12 +246,12 @@ class _Search:
         return None
 
     def leads_back(self, there: Iterate, here: Iterate, other: Iterate) -> bool:
-        """Return whether the ways from here to a solution and to the other one are nearly the same.  Collective."""
+        """Return whether the chords from here to a solution and to the other one are nearly parallel.  Collective."""
         a, b, c = self.distance(there, here), self.distance(other, here), self.distance(there, other)
         return a * a + b * b - c * c > 2.0 * a * b * BACK
 
     def on_line(self, a: Iterate, b: Iterate, share: float) -> Iterate | None:
-        """Return the solution on the plane across a chord, at a share of the way along it; None where none is found."""
+        """Return the solution on the plane across a chord, at a share of its length; None without one."""
         chord = self.chord(a, b)
         if chord is None:
             return None
@@ -352,7 +352,7 @@ class _Search:
         return self.sample(guess, replace(self.coordinate_plane, about=self.moved(self.coordinate_plane.about, t)), t)[0]
 
     def part_way(self, here: Sample, t: float) -> Sample | None:
-        """Return a solution on the way to a coordinate, halved as often as Newton's method needs; None where none is found."""
+        """Return a solution on the way to a coordinate, halved until Newton's method converges; None if it does not."""
         for way in (t - here.t) * 0.5 ** np.arange(1, HALVES + 1):
             there = self.at(here.t + way, self.ahead_of(here, way))
             if there is not None:
@@ -372,7 +372,7 @@ class _Search:
     # -- the maximum between them ----------------------------------------------------------------------------------
 
     def enclosed(self, start: Sample) -> tuple[Sample, Sample] | None:
-        """Return two solutions of which the first rises and the second falls, by rising coordinate; None where none follows."""
+        """Return two solutions of which the first rises and the second falls, by coordinate; None if no falling one follows."""
         way, here = float(np.sign(start.slope)), start
         if way == 0.0:
             return start, start
@@ -392,8 +392,8 @@ class _Search:
     def between(self, low: Sample, high: Sample) -> tuple[Sample, float]:
         """Return the best solution between a rising and a falling one, and the width [rad/s] that it is known to.
 
-        On to the secant of the slopes, which meets a zero, or to where the tangents cross, which meets a corner: a corner it is
-        where the slopes at the ends stay as different as they were while these draw together.
+        The next solution is at the zero of the slopes' secant (a smooth maximum) or at the crossing of the tangents (a corner:
+        the slopes at the ends do not approach each other as the interval shrinks).
         """
         first, tolerance = high.t - low.t, self.corrector.tolerance
         lengths, jumps = list[float](), list[float]()
@@ -423,7 +423,7 @@ class _Search:
 
 
 def crossing(low: Sample, high: Sample) -> float:
-    """Return where the tangents of the amplitude at two solutions cross, eq. (7.8), between them; else the middle."""
+    """Return the crossing of the tangents of the amplitude at two solutions, eq. (7.8), if between them; else the middle."""
     width = high.t - low.t
     way = np.divide(high.size - low.size - high.slope * width, low.slope - high.slope) if low.slope != high.slope else np.nan
     return low.t + float(way) if 0.0 < way < width else 0.5 * (low.t + high.t)

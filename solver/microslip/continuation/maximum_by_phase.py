@@ -23,17 +23,17 @@ from .outputs import output_at
 
 DISTANCE = 0.04  # rad between the solutions, at least
 SAMPLES = 2.0  # and at least as many samples of the contact law: maxima of the sampled curve lie about one sample from each other
-NEAR = 0.5  # of that distance within which a parabola has its top where the solution between is the highest
-NEXT = 1.5  # of that distance up to which a search goes on by it
+NEAR = 0.5  # of that distance: a parabola has its top within it if the middle solution is the highest
+NEXT = 1.5  # of that distance, up to which a search shifts its three solutions
 SETTLED = 0.02  # of that distance between a solution at the top and the top of the parabola through it
 MOST_TOPS = 3  # solutions at a top until it settles
-FARTHEST = 8.0  # of that distance by which a search goes on at most
-REACH = 0.25 * np.pi  # rad from the guess, to which it goes at most
+FARTHEST = 8.0  # of that distance, the longest step of a search
+REACH = 0.25 * np.pi  # rad from the guess, the farthest phase of a search
 MOST_TRIES = 12
 CLOSER = 2  # times that the distance is halved where Newton's method fails next to a solution, as beyond the end of a branch
 SHARP = 1.3  # 1/rad2, bend of the amplitude over the phase above which its top may be a corner; that of one mode is 1
 LOOSE = 1e-5  # tolerance of solutions that only place the top: it moves by about their error over the distance
-FAR = 2.0  # times the frequency of the guess, or less than its inverse, at which a solution belongs to no peak here
+FAR = 2.0  # a solution beyond this factor of the guess's frequency, up or down, belongs to another peak
 ELSEWHERE = "the solution at this phase lies elsewhere"
 NO_MAXIMUM = "the output has no maximum near by"
 
@@ -61,7 +61,7 @@ class MaximumByPhase:
 
 @dataclass(frozen=True, eq=False)
 class _Three:
-    """Solutions at the phases -1, ``t`` and 1 about a phase, in units of the distance; that between may be a guess, at 0."""
+    """Solutions at the phases -1, ``t`` and 1 about a phase, in units of the distance; the middle one may be a guess, at 0."""
 
     t: float
     solutions: tuple[Iterate, Iterate, Iterate]
@@ -70,7 +70,7 @@ class _Three:
 
     @property
     def has_top(self) -> bool:
-        """Whether the solution between is the highest: the top of the parabola lies within half the distance of it."""
+        """Whether the middle solution is the highest: the top of the parabola is within half the distance of it."""
         return self.sizes[1] >= max(self.sizes)
 
     @property
@@ -161,11 +161,11 @@ class _Search:
     # -- the solutions before and after a phase ---------------------------------------------------------------------
 
     def two_sides(self, theta: float, about: Iterate) -> _Three | None:
-        """Return those solutions at the value of the first parameter, with that between as at the last maximum; None without."""
+        """Return these solutions at the first parameter's value, the middle one as at the last maximum; None if that fails."""
         if not self.is_at_value:
             return None
         sides, bend = [], 1.0 if self.known is None else self.known.bend
-        for way, share in ((-1, 1.0), (1, 0.5)):  # what both are off by is moved from the first one, of the rest one half
+        for way, share in ((-1, 1.0), (1, 0.5)):  # the first guess's error shifts the middle, half of the second's too
             guess = self.side(about, way)
             solution = self.solved(theta + way * self.distance, guess, self.system.constraints)
             if solution.failure is not None:
@@ -178,7 +178,7 @@ class _Search:
         return _Three(0.0, (sides[0], about, sides[1]), (low, size, high), is_even=False)
 
     def with_middle(self, theta: float, about: Iterate, sides: _Three | None = None) -> _Three | Correction:
-        """Return those solutions and that between, which is solved for first if they are not known; the solve that fails."""
+        """Return these solutions and the middle one, which is solved for first if they are unknown; or the failed solve."""
         here = self.solved(theta, about, self.system.constraints)
         if here.failure is not None:
             return here
@@ -193,7 +193,7 @@ class _Search:
         return three
 
     def about(self, theta: float, here: Iterate) -> _Three | Correction:
-        """Return a solution with those before and after it; the solve that fails."""
+        """Return a solution with those before and after it; or the failed solve."""
         held = (Plane.fixed_parameter(here),)
         before = self.solved(theta - self.distance, self.as_one_mode(here, -1), held)
         if before.failure is not None:
@@ -204,7 +204,7 @@ class _Search:
         return after if after.failure is not None else self.three(before.iterate, here, after.iterate)
 
     def shifted(self, theta: float, three: _Three, way: int) -> _Three | Correction:
-        """Return the solutions about the next phase ``theta``, one ``way`` on; the solve that fails."""
+        """Return the solutions about the next phase ``theta``, one ``way`` further; or the failed solve."""
         middle, here = three.solutions[1], three.solutions[1 + way]
         held = (Plane.fixed_parameter(here),)
         beyond = self.solved(theta + way * self.distance, self.opposite(middle, here, way), held)

@@ -190,7 +190,7 @@ def follow_mode(
 def resolved_again(
     problem: NonlinearMode, points: Sequence[Point], harmonics: Harmonics, n_samples: int, tolerance: float
 ) -> np.ndarray:
-    """Return omega and sigma of points at the same amplitudes with other harmonics and samples, (n, 2); NaN where none is found.
+    """Return omega and sigma of points at the same amplitudes with other harmonics and samples, (n, 2); NaN where a solve fails.
 
     Collective.  ``points`` are of the branch of the problem; their motion is on rank 0.
     """

@@ -1,6 +1,6 @@
 """Solutions at one frequency and level: along the curve, over the level, and by deflation from many starts.
 
-docs/theory.md, section 7.  What is found is never known to be all there is.
+docs/theory.md, section 7.  There may be further solutions.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .problems import ForcedResponse, KnownCurve, LevelHomotopy
 from .task import BranchTask
 from .ways_out import HOMOTOPY_STEPS, MOST_POINTS
 
-DISTINCT = 1e-4  # of the larger motion, by which two solutions differ at least
+DISTINCT = 1e-4  # of the larger motion, the smallest difference of two solutions
 FROM, UP_TO = 1e-2, 10.0  # of the level, between which a curve over the level passes it
 FACTORS = (0.02, 50.0)  # of a known motion, between which random starts have their sizes
 ON_CURVE, OVER_LEVEL, BY_DEFLATION = "curve", "level", "deflation"
@@ -38,7 +38,7 @@ ON_CURVE, OVER_LEVEL, BY_DEFLATION = "curve", "level", "deflation"
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A solution at the frequency: its record, and how it was found."""
+    """A solution at the frequency: its record, and its source."""
 
     point: Point
     iterate: Iterate
@@ -48,7 +48,7 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class FromThere(ForcedResponse):
-    """The forced response, begun at a known solution."""
+    """The forced response with a known solution as its start."""
 
     begins: Iterate
 
@@ -65,14 +65,14 @@ def curve_through(of: ResponseProblem, level: float, omega: float, has_stability
 
 
 def solutions_at(of: ResponseProblem, curve: Branch, omega: float, starts: int, seed: int, has_stability: bool) -> list[Solution]:
-    """Return the solutions found at a frequency [rad/s], by rising motion; those of the ``curve`` first in cost.  Collective.
+    """Return solutions at a frequency [rad/s], by rising amplitude; those on the ``curve`` are solved first.  Collective.
 
-    With the harmonics and samples of the point of the curve.
+    The harmonics and samples are those of the point of the curve.
 
     Parameters
     ----------
-    starts : Newton's method by deflation begins from so many motions
-    seed : of the random ones; the same seed finds the same on any number of ranks
+    starts : number of motions from which Newton's method with deflation begins
+    seed : of the random motions; the same seed gives the same motions on any number of ranks
 
     Raises
     ------
@@ -122,7 +122,7 @@ class _Search:
         self.solutions: list[Solution] = []
 
     def add(self, guess: Iterate, source: str) -> bool:
-        """Solve from a guess; return whether that is a solution that was not known."""
+        """Solve from a guess; return whether the solution is new."""
         solver = self.solver
         solution = solver.solve_at(guess, solver.norm(guess.U), solver.equation.every_pair)
         there = solution[0].iterate
@@ -138,13 +138,13 @@ class _Search:
         return True
 
     def is_same(self, a: Iterate, b: Iterate) -> bool:
-        """Return whether two motions are one, but for their means."""
+        """Return whether two motions are equal, except for their means."""
         solver = self.solver
         away, *sizes = (solver.norm(solver.vibration(U)) for U in (a.U - b.U, a.U, b.U))
         return away <= DISTINCT * max(sizes)
 
     def deflate(self, starts: int, rng: np.random.Generator) -> None:
-        """Search by deflation from so many motions."""
+        """Search by deflation from a number of motions."""
         solver, n_tried = self.solver, 0
         corrector = DeflatedCorrector(solver.comm, solver.equation.shape, solver.tolerance)
         try:
@@ -158,7 +158,7 @@ class _Search:
             corrector.destroy()
 
     def solution_from(self, corrector: DeflatedCorrector, guess: Iterate) -> bool:
-        """Return whether deflation leads from a motion to a solution that was not known."""
+        """Return whether deflation leads from a motion to a new solution."""
         solver, every = self.solver, self.solver.equation.every_pair
         corrector.known = [known.iterate for known in self.solutions]
         size, force = solver.norm(guess.U), solver.force(guess, every)

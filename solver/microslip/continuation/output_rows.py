@@ -38,7 +38,7 @@ class _OutputRow:
         return place.linear.equation.comm.bcast(self.of(self._output(place, place.nu)))
 
     def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
-        """Return its derivatives.  Collective: a broadcast, and what :meth:`_output` takes."""
+        """Return its derivatives.  Collective: a broadcast, and the communication of :meth:`_output`."""
         linear, scaling = place.linear, place.scaling
         equation, forces = linear.equation, linear.forces
         model, rate = equation.model_at(linear.at), self.rate(self._output(place, place.nu))

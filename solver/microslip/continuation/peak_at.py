@@ -37,7 +37,7 @@ from .steps import ArcLength
 from .task import BranchTask
 from .ways_out import MOSTLY
 
-SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one sample from each other
+SAMPLES = 4.0  # of the contact law between the solutions, at least: corners are one sample from each other
 SETTLED = 2e-5  # rad: a shift of the peak below which one solution more is the peak
 MOST_HALVES = 2  # times that the way to a phase is halved where Newton's method fails
 CLOSER = 2  # times that the angle itself is halved then
@@ -65,20 +65,20 @@ class PeakPoint:
     iterate: Iterate
     point: Point  # its record: energies, states, error bar
     amplitude: float  # of harmonic 1
-    sides: tuple[Iterate | None, Iterate | None]  # at 1 / sqrt 2 of the amplitude, above and below its frequency; None: not found
+    sides: tuple[Iterate | None, Iterate | None]  # at 1 / sqrt 2 of the amplitude, above and below its frequency; None: none
     newton: int  # iterations of all solutions
     by_pairs: np.ndarray | None = None  # derivatives of amplitude, phase and frequency [Hz], as those of a Peak, on request
     by_common: np.ndarray | None = None
 
     @property
     def width(self) -> float:
-        """The half-power width [rad/s]; NaN where one of its ends was not found."""
+        """The half-power width [rad/s]; NaN without one of its ends."""
         above, below = self.sides
         return float("nan") if above is None or below is None else abs(above.parameter - below.parameter)
 
     @property
     def starts(self) -> Starts:
-        """What a search near by starts from."""
+        """The start of a search near by."""
         return self.iterate, *self.sides
 
 
@@ -245,7 +245,7 @@ class _Search:
     def rates(self, peak: _At) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
         """Return the derivatives of amplitude, phase and frequency [Hz] of a peak, (3, n_numbers, n_pairs) and (3, n_common).
 
-        None where an adjoint is not found.  docs/theory.md, eq. (11.10).
+        None if an adjoint solve fails.  docs/theory.md, eq. (11.10).
         """
         assert self.sides is not None, "the peak is settled"
         low, here, high = (self._rates_at(at.iterate) for at in (self.sides[0], peak, self.sides[1]))
@@ -292,7 +292,7 @@ class _Search:
     # -- half the power ----------------------------------------------------------------------------------------------
 
     def half_power(self, peak: _At, way: float, start: Iterate | None) -> Iterate | None:
-        """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None where none is found.
+        """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None without one.
 
         Where Newton's method fails: through larger shares of the amplitude unless the mean slip is held, then along the branch.
         """

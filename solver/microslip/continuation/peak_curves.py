@@ -30,11 +30,11 @@ from .resonances import FAINT_PEAK
 from .tops import maxima
 
 STUCK = 0.9  # of the level from which the first pair slips at a linear peak: all stick there
-UNDAMPED = 1e-7  # damping ratio of a linear peak below which it is that of no damping: a width found by its samples
+UNDAMPED = 1e-7  # damping ratio of a linear peak below which it counts as undamped: its width is that of the samples
 UNBOUNDED = "the peak is infinite while all pairs stick, as nothing damps it: it is not followed; state [damping]"
 BEYOND = 1e-2  # of the last value of a curve that ends early, beyond which the response shows why
 NEAR = 0.25  # of the linear half-power width, within which a maximum there is the same one
-LEAST = 1e-3  # of the level to be reached, at which a peak begins of which some pairs slip or are open at every level
+LEAST = 1e-3  # of the level, at which a peak begins if some pairs slip or are open at every level
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class PeakRequest:
 
     @property
     def begin(self) -> OperatingPoint:
-        """The operating point at the begin of the range, but for its frequency."""
+        """The operating point at the begin of the range, without its frequency."""
         return with_value(self.varies, self.range[0], OperatingPoint(0.0, self.level))
 
 
@@ -90,7 +90,7 @@ def peak_curves(
         def follow() -> Branch:
             return _follow(of, request, peaks[k], lambda: top_of_peak(tops(), peaks, k), on_point, checkpointer)
 
-        # without points the way to the first one failed, and is tried again
+        # no points: the search for the first one failed, and is repeated
         return PeakCurve(peaks[k], finished_or(checkpointer, follow, on_point, stores_empty=False))
 
     return [curve(k) for k in range(len(peaks))]
@@ -130,7 +130,7 @@ def _follow(
 ) -> Branch:
     """Return the curve of one peak, from its last checkpoint if there is one.  Collective.
 
-    It begins at the ``top`` of the curve at the begin of the range where no peak over the level leads there.
+    It begins at the ``top`` of the curve at the begin of the range if no peak over the level reaches that.
     """
     equation, varies = of.at_level(request.level).equation, request.varies
     level = 0.0 if varies == "level" else request.level
@@ -165,7 +165,7 @@ def _error_bars(of: ResponseProblem, equation: HarmonicBalance) -> tuple[ErrorEs
 
 
 def beyond_the_end(of: ResponseProblem, request: PeakRequest, stuck: Peak, last: Point) -> str:
-    """Return what the response beyond the ``last`` peak of a curve that ends early shows, for its message.  Collective."""
+    """Describe the response beyond the ``last`` peak of a curve that ends early, for its message.  Collective."""
     (begin, end), (value, omega) = request.range, last.parameters
     step = BEYOND * abs(value)
     beyond = min(value + step, end) if end > begin else max(value - step, end)
@@ -185,7 +185,7 @@ def beyond_the_end(of: ResponseProblem, request: PeakRequest, stuck: Peak, last:
 def peak_at_begin(
     of: ResponseProblem, request: PeakRequest, stuck: Peak, top: Callable[[], Iterate | None]
 ) -> tuple[Iterate | None, str | None]:
-    """Return a peak at the begin of a range, where pairs slip there, and why there is none.  Collective.
+    """Return a peak at the begin of a range, where pairs slip there, or why there is none.  Collective.
 
     It is followed over the level from stick, or is the ``top`` of the curve where that fails.
     """
@@ -234,8 +234,8 @@ def tops_at_begin(of: ResponseProblem, request: PeakRequest) -> list[tuple[float
 def top_of_peak(tops: list[tuple[float, Iterate]], peaks: list[Peak], k: int) -> Iterate | None:
     """Return the top of a curve that belongs to the ``k``-th linear peak; None where none does.  Local.
 
-    As many tops as peaks belong to them in their order.  Else a peak has the highest top between the peak before it and itself:
-    slip and gaps only lower a frequency.
+    As many tops as peaks correspond in order.  Otherwise a peak has the highest top between the previous peak and itself: slip
+    and gaps only lower a frequency.
     """
     if len(tops) == len(peaks):
         return tops[k][1]
@@ -248,8 +248,8 @@ def top_of_peak(tops: list[tuple[float, Iterate]], peaks: list[Peak], k: int) ->
 class PeakAt:
     """The peak of an output at a level."""
 
-    curve: PeakCurve  # of one point; of none where it was not found, with the reason in ``failure`` of the branch
-    there: Iterate | None  # its motion; a peak near by is found from it
+    curve: PeakCurve  # of one point; of none if the search failed, with the reason in ``failure`` of the branch
+    there: Iterate | None  # its motion, the guess for a peak near by
 
     @property
     def linear(self) -> Peak:
@@ -332,7 +332,7 @@ def _top(size: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _width(size: Callable[[float], float], omega: float, omegas: np.ndarray, sizes: np.ndarray, i: int) -> float:
-    """Return the half-power width of a peak near the ``i``-th frequency of a curve; of a shorter half twice that half."""
+    """Return the half-power width of a peak near the ``i``-th frequency of a curve; twice one half without the other."""
     from scipy.optimize import brentq  # slow import, seldom needed
 
     half, sides = size(omega) / np.sqrt(2.0), []

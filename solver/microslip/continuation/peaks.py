@@ -1,4 +1,4 @@
-"""Peaks: the maxima of the outputs along a curve, each computed as a point (docs/theory.md, section 7)."""
+"""Peaks: the maxima of the outputs along a curve, each solved for as a point (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from .task import BranchTask
 from .tops import Top, between_points, hidden, maxima
 
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
-STEPS_OF_LEADS = replace(STEPS_OF_PEAKS, ds_min=1e-2)  # no shorter ones where a curve leads on otherwise
+STEPS_OF_LEADS = replace(STEPS_OF_PEAKS, ds_min=1e-2)  # no shorter ones where a curve continues otherwise
 MOST_POINTS = 1000
-BESIDE, FARTHER = 1e-3, 0.05  # of its half-power width, at which derivatives are taken on both sides of a peak: of size; of place
+ASIDE, FARTHER = 1e-3, 0.05  # half-power widths to both sides of a peak, where derivatives are taken: of its size; of its place
 TURNED = 0.25 * np.pi  # rad, of the motion of pairs over the half-power width of a peak of the mode that moves them
 SAME, SAME_MOTION = 1e-5, 1e-2  # of frequency and amplitude, and of the motion, by which one peak may differ from itself
 MANY_SAMPLES = 1024  # from which the error of the place, of second order in that distance, is above that of the corners
@@ -114,7 +114,7 @@ class PeakOver(ProblemBase):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FromSolution(LinearResponse):
-    """The linear response of a problem, but for the value at which a solution is known."""
+    """The linear response of a problem, except at the value at which a solution is known."""
 
     solution: Iterate
 
@@ -130,9 +130,9 @@ def peaks_of(
 ) -> list[Peak]:
     """Return every maximum of every output on a branch, to the solver's tolerance, by output and place.  Collective.
 
-    A maximum lies between neighbours that are lower; one at the end of the range is none.  With the linear ``curve``, those that
-    it has between two points at which all pairs stick are among them.  With ``sensitivities`` they have the derivatives of
-    amplitude, phase and frequency.
+    A maximum has lower neighbours on both sides; the end of the range is none.  With the linear ``curve``, its maxima between two
+    points at which all pairs stick are included.  With ``sensitivities`` the peaks have the derivatives of amplitude, phase and
+    frequency.
     """
     tops = [Top(output, (i - 1, i + 1), i) for output, i in maxima(branch)]
     if curve is not None:
@@ -151,7 +151,7 @@ def peaks_of(
 
 
 def is_same(equation: HarmonicBalance, a: tuple[Peak, Iterate], b: tuple[Peak, Iterate]) -> bool:
-    """Return whether two peaks are one, as where a branch goes back on itself.  Collective."""
+    """Return whether two peaks are the same, as where a branch is traced back.  Collective."""
     (p, at_p), (q, at_q) = a, b
     differs = abs(abs(p.amplitude) - abs(q.amplitude)) > SAME * abs(q.amplitude)
     if p.output != q.output or differs or abs(p.omega - q.omega) > SAME * q.omega:
@@ -202,13 +202,13 @@ def follow_peak(
 ) -> Branch:
     """Return the peak of an output over a number of the operating point, as one branch.  Collective.
 
-    It ends where the maximum meets a minimum of the curve: there alone it would turn back, as a minimum.
+    It ends where the maximum merges with a minimum of the curve; only there would the branch turn back, as a minimum.
 
     Parameters
     ----------
     equation : with the pairs' law and samples
     estimator, accuracy : error bars, destroyed at the end; the accuracy that chooses harmonics and samples
-    on_point : gets each point
+    on_point : called with each point
     until : ends the branch at a point
     checkpointer : of this branch
 
@@ -225,16 +225,16 @@ def follow_peak(
 
 
 def with_value(varies: str | LawParameter, value: float, at: OperatingPoint) -> OperatingPoint:
-    """Return an operating point with a value of what varies: "level", "damping" or a parameter of the contact law."""
+    """Return an operating point with another value of "level", "damping" or a parameter of the contact law."""
     if isinstance(varies, LawParameter):
         return replace(at, law=((varies, value),))
     return replace(at, level=value) if varies == "level" else replace(at, damping=value)
 
 
 def turns(equation: HarmonicBalance, stuck: Peak, begin: OperatingPoint) -> bool:
-    """Return whether the linear motion of the pairs turns along a peak, as that of one mode does by a quarter of a cycle.
+    """Return whether the phase of the pairs' linear motion changes along a peak, by a quarter of a cycle as for one mode.
 
-    Collective.  ``begin`` is the operating point, but for frequency and level.
+    Collective.  ``begin`` is the operating point without frequency and level.
     """
     equation, columns = equation.under(begin), equation.harmonics.columns(1)
     at = [replace(begin, omega=stuck.omega + half, level=1.0) for half in (-0.5 * stuck.width, 0.5 * stuck.width)]
@@ -247,7 +247,7 @@ def peak_about(
 ) -> tuple[Peak, Iterate] | None:
     """Return the maximum of an output about a top of a branch, and its motion.  Collective.
 
-    Where none is reached, the point of the top; None where a slope shows the top and the search ends at none that is higher.
+    If the search fails, the point of the top; None if only a slope shows the top and no higher solution is reached.
 
     With the harmonics and samples of the point, and its mean slip held if it is there.
     """
@@ -287,14 +287,14 @@ def about_a_peak(
 ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
     """Return the derivatives of amplitude, phase and frequency [Hz] of a peak, (3, n_numbers, n_pairs) and (3, n_common).
 
-    Collective.  docs/theory.md, eq. (11.7): from those of two solutions, one on each side, much nearer than the half-power
-    ``width`` [rad/s].  None where none rises before the peak and falls behind it.
+    Collective.  docs/theory.md, eq. (11.7): from those of two solutions, one on each side, at a small fraction of the
+    half-power ``width`` [rad/s].  None unless the amplitude rises at the first and falls at the second.
     """
     every, n_out = solver.equation.every_pair, solver.equation.model.n_outputs
     rows, size, force = [output, n_out + output], solver.norm(there.U) or 1.0, solver.force(there, every)
 
     def solved(near: Iterate, omega: float) -> Iterate | None:
-        """Return the solution at a frequency, from the peak and another one on that side."""
+        """Return the solution at a frequency, from the peak and another solution on that side."""
         guess = Iterate(there.U, (omega,), there.harmonics) if near is there else interpolate(there, near, omega)
         solution, _ = solver.solve_at(guess, size, every, force)
         return None if solution.failure else solution.iterate
@@ -309,7 +309,7 @@ def about_a_peak(
         return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if sensitivities.is_solved else None
 
     unit, brackets = width if np.isfinite(width) else 0.02 * there.parameter, list[list[np.ndarray]]()
-    sides, way, middle = (there, there), BESIDE * unit, rates(there)
+    sides, way, middle = (there, there), ASIDE * unit, rates(there)
     while way <= FARTHER * unit * (1.0 + 1e-9):
         low, high = (solved(side, there.parameter + sign * way) for side, sign in zip(sides, (-1.0, 1.0)))
         if low is None or high is None:

@@ -24,12 +24,12 @@ from .iterate import Iterate
 from .point_solver import Solution
 from .problems import Problem
 
-IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a tolerance of 1e-8
+IMBALANCE = 1e-6  # of the energy balance, beyond which a point is rejected, at a tolerance of 1e-8
 HELD = "mean slip held by springs"  # the note of such a point
-FAR = "with more harmonics no solution is found near this one"  # of one that may solve the truncated equations alone
+FAR = "with more harmonics no solution is found near this one"  # note of a point that may solve only the truncated equations
 NO_ADJOINT = "sensitivities not found: the linearisation is singular"
 DOUBTFUL = "stability uncertain: more harmonics or samples change the largest multiplier by more than its distance from 1"
-DRIFTS = "a slider drifts without end"  # and of one where a march does not come to its cycle
+DRIFTS = "a slider drifts without end"  # note of a point where a march does not reach its cycle
 
 
 class Unbalanced(ConvergenceError):
@@ -112,7 +112,7 @@ def with_stability(problem: Problem, there: Iterate, point: Point, estimator: Er
 def with_sensitivities(
     problem: Problem, solution: Solution, point: Point, solver: AdjointSolver, known: Adjoint | None = None
 ) -> Point:
-    """Return the record of a point with the derivatives of its outputs; without them where the adjoint is not found.  Collective.
+    """Return the record of a point with the derivatives of its outputs; without them if the adjoint solve fails.  Collective.
 
     ``solver`` is that of exact adjoints, ``known`` one that error bars have solved for last.
     """
@@ -140,9 +140,9 @@ def _check_balance(problem: Problem, solution: Correction, gap: float, most: flo
 
 
 def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
-    """Return the most work that the loads could do at their motion, whatever its phase [J per cycle].  Local.
+    """Return the largest work that the loads could do on their motion at any phase [J per cycle].  Local.
 
-    A constant load does none, but leaves the rounding of a thousandth of its own.
+    A constant load does none; a thousandth of its largest work is added for its rounding.
     """
     y, f = load_motion(model, at.level, at.omega, p), at.level * model.f
     n, cos, sin, mean = model.harmonics.above_mean, model.harmonics.cos, model.harmonics.sin, model.harmonics.mean

@@ -27,13 +27,13 @@ from .problems import Problem
 
 SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit
 
-Solution = tuple[Correction, np.ndarray]  # and the pairs that were let slip, (n_pairs,) bool
+Solution = tuple[Correction, np.ndarray]  # and the pairs that were allowed to slip, (n_pairs,) bool
 
 
 class Workspace:
     """Reused data of a branch: PETSc's objects, numbers computed once; and the effort of its steps.
 
-    It can be thrown away between any two steps, and does not decide where they lead.
+    It may be discarded between any two steps, without an effect on their results.
     """
 
     def __init__(self, equation: HarmonicBalance, has_bars: bool = False, n_parameters: int = 1):
@@ -43,13 +43,13 @@ class Workspace:
         self.spent = 0  # Newton iterations so far
         self._clock = time.perf_counter()
         self._resolution = Resolution(equation.harmonics, equation.n_samples)
-        self._corrector = self._new_corrector(equation)  # at once: its PETSc options count as read where all points are linear
+        self._corrector = self._new_corrector(equation)  # now: its PETSc options then count as used even if all points are linear
         self.solver = self._corrector.name  # of Newton's method
         self._is_loose: dict[Harmonics, bool] = {}
         self._adjoints: AdjointSolver | None = None
 
     def corrector(self, equation: HarmonicBalance, resolution: Resolution) -> Corrector:
-        """Return the corrector of a resolution, a new one in place of the last where that is another.  Collective."""
+        """Return the corrector of a resolution, a new one if the last has another resolution.  Collective."""
         if self._resolution != resolution:
             self.destroy()
             self._resolution, neighbours = resolution, self._corrector.neighbours
@@ -98,9 +98,9 @@ class PointSolver:
     tolerance: float
     workspace: Workspace
     is_linear: bool = False  # known to lie on the linear curve so far: points are tested there, not solved
-    is_patient: bool = False  # by however short Newton steps
+    is_patient: bool = False  # with arbitrarily short Newton steps
 
-    # -- what may be another at the next point --------------------------------------------------------------------
+    # -- may change from point to point --------------------------------------------------------------------
 
     @property
     def equation(self) -> HarmonicBalance:
@@ -141,10 +141,10 @@ class PointSolver:
     # -- solving ---------------------------------------------------------------------------------------------------
 
     def solve(self, guess: Iterate, plane: Plane, size: float, selected: np.ndarray, force: float | None = None) -> Solution:
-        """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out.
+        """Correct a guess; with the in-point check, repeat with further pairs that slip, until none is left out.
 
-        ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much
-        smaller, or ``force`` is not known, it is solved again by its own.
+        ``size`` [m] and ``force`` [N] of a point near by scale the residual.  If the solution is much smaller, or ``force`` is
+        not known, it is solved again with its own scales.
         """
         if self.is_linear and self.problem.curve.holds(guess.parameters):
             return Correction(self.problem.curve.on(guess), 0, 0, 0.0, None, is_linear=True), selected
@@ -177,7 +177,7 @@ class PointSolver:
             selected[left_out] = True
 
     def solve_at(self, guess: Iterate, size: float, selected: np.ndarray, force: float | None = None) -> Solution:
-        """Correct a guess at its own parameter; the answer carries exactly that value, not its last bit's rounding.
+        """Correct a guess at its own parameter; the solution has exactly that value, without rounding of the last bit.
 
         Raises
         ------
@@ -192,11 +192,11 @@ class PointSolver:
         return replace(solution, iterate=solution.iterate.at(guess.parameter)), selected
 
     def solve_near(self, guess: Iterate, near: PointState, selected: np.ndarray | None = None) -> Solution:
-        """Correct a guess at its own parameter, measured by a point near by, with its pairs by default.  Collective."""
+        """Correct a guess at its own parameter, with the scales of a point near by and its pairs by default.  Collective."""
         return self.solve_at(guess, near.size, near.selected if selected is None else selected, near.force)
 
     def at_corner(self, solution: Solution) -> Solution:
-        """Return the maximum itself, where one by the phase may lie below a corner; the solution where none is higher near by.
+        """Return the maximum itself if one by the phase may be below a corner; the solution if none near it is higher.
 
         Collective.
         """
@@ -236,7 +236,7 @@ class PointSolver:
         return state if there is state.iterate else replace(state, iterate=there)
 
     def still(self, solution: Solution, was: PointSolver) -> tuple[Solution, PointSolver]:
-        """Return a solution that ``was`` found as one of this solver, and this solver; both as they were where Newton fails.
+        """Return the solution of solver ``was`` solved again by this solver, and this solver; both unchanged if Newton fails.
 
         Collective.
         """
@@ -247,7 +247,7 @@ class PointSolver:
         return (solution, was) if repeated[0].failure else (repeated, self)
 
     def solved_again(self, state: PointState) -> PointState:
-        """Return a point as the problem has it now, so that the way to the next one is that of the branch.  Collective."""
+        """Return a point solved again for the present problem, so that the next step starts on the branch.  Collective."""
         state = self.carried(state)
         solution, _ = self.solve_near(state.iterate, state)
         return state if solution.failure else replace(state, iterate=solution.iterate)
@@ -299,8 +299,8 @@ class PointSolver:
     def length(self, d_xi: np.ndarray, d_nu: np.ndarray) -> float:
         """Return the length of a step in motion and scaled parameters (k,), docs/theory.md, eq. (7.1).
 
-        The mean does not count: it drifts with the slip in which sliders settle, and turns sharply where that ends, while the
-        branch goes straight on.
+        The mean does not count: it drifts while the sliders settle, and changes direction sharply where that ends, although the
+        branch is straight.
         """
         return float(np.hypot(self.norm(self.vibration(d_xi)), np.linalg.norm(d_nu)))
 

@@ -64,7 +64,7 @@ class Ahead:
     d_U: np.ndarray  # (n_owned, 3, N_H) m, over a length of 1 along the line
     d_nu: np.ndarray  # (k,) -, the same
     bend_U: np.ndarray | None = (
-        None  # times the length and the length from the point before: what the parabola leaves the line by
+        None  # times the length and the length from the previous point: distance of the parabola from the line
     )
     bend_nu: np.ndarray | None = None
 

@@ -1,7 +1,7 @@
 """The problems of continuation: the harmonic-balance equation with one parameter or several.
 
 A problem defines the operating point for its k parameters, its rates with them, the k - 1 constraints in addition to the row of
-a step, and the curve in closed form on which its solutions lie while no pair slips.  The first parameter is swept.
+a step, and the curve in closed form that its solutions follow while no pair slips.  The first parameter is swept.
 Homotopies lead to a first point of the forced response: at the end of their parameter they are that problem (docs/theory.md,
 section 7).
 """
@@ -22,7 +22,7 @@ from .linear_levels import sticks
 
 
 class KnownCurve(Protocol):
-    """A curve in closed form near the solutions of a problem, which lie on it where it holds."""
+    """A curve in closed form near the solutions of a problem, and equal to them where it is valid."""
 
     def at(self, parameter: float) -> Iterate:
         """Return the point of the curve at a value of the swept parameter; not to be written into.  Local.
@@ -61,7 +61,7 @@ class Problem(Protocol):
 
     @property
     def curve(self) -> KnownCurve:
-        """The curve from which a first guess is taken, and on which solutions lie while it holds."""
+        """The curve of first guesses, equal to the solutions where it is valid."""
 
     @property
     def law_parameters(self) -> tuple[LawParameter, ...]:

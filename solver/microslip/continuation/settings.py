@@ -1,4 +1,4 @@
-"""Settings of a response: levels, range, steps and accuracy, with what was stated and what the program chooses."""
+"""Settings of a response: levels, range, steps and accuracy, those stated by the user and those selected by the program."""
 
 from __future__ import annotations
 

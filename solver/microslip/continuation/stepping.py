@@ -15,11 +15,11 @@ from .resonances import PASSED, passed_over, stay_stuck
 from .steps import ArcLength
 from .ways_out import Stuck, across_the_corner, left, ways_on
 
-SHORT = 0.1  # of the usual step: a failure of a shorter one, behind others, is that of a corner
+SHORT = 0.1  # of the usual step: a shorter one that fails after others have succeeded meets a corner
 
 
 class Stepped(NamedTuple):
-    """A step on: its solution and the solver of the next one, its length, and notes on it.
+    """A step: its solution and the solver of the next one, its length, and notes on it.
 
     Without a solution the step is to be tried again, with this solver.
     """
@@ -39,8 +39,8 @@ class Stepped(NamedTuple):
 def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Stepped:
     """Solve the second point, a little further along the sweep; halve the way until it converges nearby.  Collective.
 
-    A point further off than ``ds_max`` may lie beyond folds, with the resonance between them, as may one beyond a resonance.
-    It is taken only where none is nearer: where the set B has changed since the first point, and the solution with it.
+    A point farther than ``ds_max`` may be beyond folds, with the resonance between them, or beyond a resonance.  It is accepted
+    only if none is nearer: where the set B has changed since the first point, and the solution with it.
     """
     sweep, far = solver.sweep, None  # the first that converged, and its notes
     way = min(linear_step(solver, first, 0.5 * steps.ds), 0.5 * sweep.scale)
@@ -71,12 +71,12 @@ def step(
 ) -> Stepped:
     """Return the next converged point and the step that reached it, shortened until Newton converges and no resonance is passed.
 
-    Collective.  A maximum is solved for at the next requested value first, if one lies within the step.  Where the shortest step
-    passes a resonance yet, or none leads to it, the step says so.  Where none down to the shortest leads on, a way out does.
+    Collective.  A maximum is solved for at the next requested value first, if one lies within the step.  If even the
+    shortest step passes a resonance, or none converges to it, the step has a note.  If no step converges, ways out are tried.
 
     Raises
     ------
-    ConvergenceError : none leads on; on every rank
+    ConvergenceError : no step and no way out converges; on every rank
     """
     earlier, before, now = earlier and solver.carried(earlier), solver.carried(before), solver.carried(now)
     stuck, passing = Stuck("ahead", solver, steps, may_hold, earlier=earlier, before=before, now=now), None
@@ -98,7 +98,7 @@ def step(
         if leads_on and share is None:
             return Stepped(solver, (solution, selected), ds)
         if share is not None:
-            passing = Stepped(solver, (solution, selected), ds, (PASSED,))  # taken if no shorter one leads on
+            passing = Stepped(solver, (solution, selected), ds, (PASSED,))  # accepted if no shorter one converges
         if is_short and share is None:
             for on in across_the_corner(stuck):
                 return Stepped(on.solver, on.solved, on.ds or ds)

@@ -5,7 +5,7 @@ The norm of a step from (U, omega) is relative (docs/theory.md, section 7),
     ds^2 = |Delta U'|^2 / |U|^2 + (Delta omega / omega_scale)^2,
 
 with U' the harmonics above the mean: equal steps are equal turns of phase and equal ratios of amplitude, a resonance is
-resolved alike at every level, whatever its height, and a straight flank costs few points.
+resolved equally at every level and height, and a straight flank costs few points.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 MANY_RESONANCES = 8  # in a range, beyond which the points of their grids are thinned
-SHARPEST = 0.35  # rad between two steps at which a step chosen by accuracy grows no further
+SHARPEST = 0.35  # rad between two steps at which a step selected by accuracy grows no further
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.nd
 def _thinned(grid: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Return the grid without points whose neighbours are no further from each other than ``distance`` there.  Local.
 
-    The resonances of a family of blades lie so close that each has the points of all others.
+    The resonances of a blade family are so close that the grid of each covers all others.
     """
     chosen = [0]
     for i in range(1, len(grid) - 1):

@@ -15,12 +15,12 @@ from .problems import Problem
 from .state import BranchState
 from .steps import ArcLength
 
-Advance = Callable[["BranchTask", BranchState], "Advanced"]  # takes a branch one step on: follow.advance
+Advance = Callable[["BranchTask", BranchState], "Advanced"]  # one step of a branch: follow.advance
 
 
 @dataclass(frozen=True, eq=False)
 class BranchTask:
-    """A branch to be followed: what is continued, over which range, in which steps, how exactly."""
+    """A branch to be followed: problem, range, steps and tolerance."""
 
     problem: Problem
     selection: Selection
@@ -36,7 +36,7 @@ class BranchTask:
     is_homotopy: bool = False  # on the way to a first point
 
     def workspace(self) -> Workspace:
-        """Return what makes solves of this branch quick; to be destroyed.  Collective."""
+        """Return the data that the solves of this branch share; to be destroyed.  Collective."""
         return Workspace(self.problem.equation, self.estimator is not None or self.has_sensitivities, 1 + len(self.problem.units))
 
     def start(self, workspace: Workspace) -> BranchState:
@@ -50,7 +50,7 @@ class BranchTask:
 
 @dataclass(frozen=True, eq=False)
 class Advanced:
-    """What one step on came to: the new state, the points found on the way, and why it led no further, if so."""
+    """The result of one step: the new state, the points on the way, and the reason if the branch ends here."""
 
     state: BranchState
     points: list[Point]

@@ -1,4 +1,4 @@
-"""Where outputs have a maximum along a curve, by its points (docs/theory.md, section 7)."""
+"""Maxima of outputs along a curve, located by its points (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .problems import ForcedResponse
 from .steps import LinearCurve
 
 LEAST_CHANGE = 1e-3  # of the logarithm of an amplitude over half of the way between its neighbours, below which corners decide
-MARGIN = 2.0  # times what parabolas differ by, above which their slope is known by sign
+MARGIN = 2.0  # times the difference of the parabolas, above which the sign of their slope is certain
 UNIT = 1e-3  # of the frequency, the unit of derivatives by it
 TINY = 1e-300  # m2
 
@@ -54,8 +54,8 @@ def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
 def between_points(branch: Branch, curve: LinearCurve) -> list[Top]:
     """Return the maxima of the linear response between consecutive points at which all pairs stick.
 
-    Local, on rank 0.  Without the one that a point beside it, itself a maximum among stuck points, already shows.  The points may
-    be higher than they are, as between two antiresonances.
+    Local, on rank 0.  Without a maximum that is already shown by a stuck point next to it.  The points may be
+    higher than the maxima, as between two antiresonances.
     """
     tops, points = [], branch.points
     stuck = [i for i, (a, b) in enumerate(zip(points, points[1:])) if sticks(a) and sticks(b) and a.segment == b.segment]
@@ -80,10 +80,10 @@ def sticks(point: Point) -> bool:
 
 
 def hidden(problem: ForcedResponse, branch: Branch, curve: LinearCurve | None) -> list[Top]:
-    """Return the maxima between two consecutive points that amplitudes at points do not show, by slopes.  Collective.
+    """Return the maxima between two consecutive points that only slopes show, not the amplitudes of points.  Collective.
 
-    Where an output falls at a point that is higher than the one before, the maximum lies before the point; where it rises at a
-    point that is higher than the next one, behind it.
+    If an output falls at a point that is higher than the previous one, a maximum is before the point; if it rises at a point that
+    is higher than the next one, a maximum is behind it.
     """
     comm, tops = problem.equation.comm, []
     open_points = on_root(comm, undecided, branch, curve is not None)
@@ -102,9 +102,9 @@ def hidden(problem: ForcedResponse, branch: Branch, curve: LinearCurve | None) -
 def undecided(branch: Branch, has_linear: bool) -> list[tuple[int, float, dict[int, float]]]:
     """Return points at which slopes may be against the trend of amplitudes; half of the step [rad/s]; outputs and their trends.
 
-    Local, on rank 0.  Points that are a maximum or a minimum decide nothing, nor do those at which the frequency turns back, as
-    its direction along the branch is not known there.  Nor is a slope needed that three parabolas through the output at a point
-    and two others near by, over the arc length, agree about; or, ``has_linear``, between points at which all pairs stick.
+    Local, on rank 0.  Without points that are a maximum or a minimum, and those at which the frequency turns back, where its
+    direction along the branch is not known.  Without points where three parabolas over the arc length, through the output at the
+    point and at two others near by, agree on the slope; and, ``has_linear``, those between points at which all pairs stick.
     """
     points = branch.points
     if len(points) < 3:
@@ -139,7 +139,7 @@ def arc_of(branch: Branch) -> np.ndarray:
 def slopes_of_parabolas(s: np.ndarray, a: np.ndarray, i: int, points: list[Point]) -> np.ndarray:
     """Return |a|' |a| at point i by parabolas of complex ``a`` over ``s`` that end there, contain it or begin there.  Local.
 
-    (n, n_outputs), without those that reach beyond the segment of the point or have two points in one place.
+    (n, n_outputs), without those that extend beyond the segment of the point or have two coincident points.
     """
     sets = [np.arange(k, k + 3) for k in (i - 2, i - 1, i) if 0 <= k < len(points) - 2]
     sets = [k for k in sets if points[k[0]].segment == points[k[2]].segment and np.diff(s[k]).min() > 0.0]

@@ -1,7 +1,7 @@
 """Fallbacks where Newton's method fails: a list, tried in order (docs/theory.md, section 7).
 
-A branch is stuck before its first point, ahead of a point from which no step leads on, or at a solution without digits.  A way
-out takes that and yields solutions, with the solver of the next one.  Its note goes with the point that it leads to.
+A branch is stuck before its first point, after a point from which no step converges, or at a solution of rounding errors.  A way
+out yields solutions, each with the solver of the next point, and a note that is recorded with the point.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from .task import Advance, BranchTask
 
 HOMOTOPY_STEPS = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)  # along a homotopy
 FROM_LEVEL, FROM_DAMPING = (1e-2, 1e-4), (1e-1, 1e-3)  # of the parameter at the end of a homotopy, where it begins
-MOST_NEWTON = 1500  # iterations on one homotopy; those that arrive take some hundreds
+MOST_NEWTON = 1500  # iterations on one homotopy; successful ones need some hundreds
 MOST_POINTS = 1000
 CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps beyond a sharp corner at which the branch is sought
 USUAL = 1.0, 0.5, 1.5  # usual steps that lead across a corner too near for shorter ones
 TENTHS = 0.1 ** np.arange(4)  # of a step, at which the branch is sought by many small Newton steps
-BACK = 0.05  # rad between a step and the way back, below which it is that
+BACK = 0.05  # rad between a step and the reversed last step, below which the step goes back
 FARTHEST = 4.0  # lengths of a requested step that it may have: on the plane normal to it, a turn of 75 degrees
-NEAREST = 1e-3  # lengths of it below which it leads nowhere
+NEAREST = 1e-3  # lengths of it below which the step is rejected
 MOSTLY = 0.8  # share of the pairs that slip or are open, from which the mean slip is regularised, and below which it is released
-MOVED = 0.5  # share of the pairs with p not zero, from which it is regularised where no step leads on
+MOVED = 0.5  # share of the pairs with p not zero, from which it is regularised where no step converges
 OFF = 4.0 ** np.arange(5)  # times the distance of the last point from a resonance, at which a branch begins beyond it
 BEYOND = "the motion grows without bound before this point, at a resonance that neither damping nor friction holds: begun again"
 
@@ -52,7 +52,7 @@ class Stuck:
     steps: ArcLength
     may_hold: bool = True  # the mean slip, by springs
     task: BranchTask | None = None  # of a first point
-    advance: Advance | None = None  # takes a homotopy, itself a branch, one step on
+    advance: Advance | None = None  # one step of a homotopy, itself a branch
     earlier: PointState | None = None  # the last points, none before the first
     before: PointState | None = None
     now: PointState | None = None
@@ -65,23 +65,23 @@ class Stuck:
 
     @property
     def first(self) -> tuple[BranchTask, Advance]:
-        """The task of a first point, and what takes homotopies on."""
+        """The task of a first point, and the function that continues homotopies."""
         assert self.task is not None and self.advance is not None
         return self.task, self.advance
 
 
 @dataclass(frozen=True, eq=False)
 class WayOn:
-    """Where a way out leads: to a solution, or to none yet with the solver that finds it by a shorter step."""
+    """The result of a way out: a solution, or only a solver with which a shorter step is tried."""
 
     solver: PointSolver  # of the next point
     solved: Solution | None = None
     notes: tuple[str, ...] = ()
-    ds: float | None = None  # of the step that led there; None: next to the shortest
+    ds: float | None = None  # length of the step to it; None: about the shortest
 
     @property
     def solution(self) -> Solution:
-        """The solution, where the way leads to one."""
+        """The solution, if the way has one."""
         assert self.solved is not None
         return self.solved
 
@@ -91,14 +91,14 @@ class WayOut:
     """A way out of trouble."""
 
     where: Where
-    attempt: Callable[[Stuck], Iterator[WayOn]]  # collective; where it leads, if anywhere
-    note: str = ""  # for the point that it leads to
-    of_homotopies: bool = True  # whether homotopies take it to their first points, too
-    of_maxima: bool = True  # whether maxima take it, whose row has no tangent and a search of its own
+    attempt: Callable[[Stuck], Iterator[WayOn]]  # collective; yields its results, if any
+    note: str = ""  # recorded with its point
+    of_homotopies: bool = True  # whether it also serves the first points of homotopies
+    of_maxima: bool = True  # whether it serves maxima, whose row has no tangent and a separate search
 
 
 def ways_on(stuck: Stuck) -> Iterator[WayOn]:
-    """Yield where the ways out lead, in their order, with their notes.  Collective."""
+    """Yield the results of the ways out, in their order, with their notes.  Collective."""
     is_homotopy, is_maximum = stuck.task is not None and stuck.task.is_homotopy, stuck.solver.problem.maximum is not None
     for way in WAYS_OUT:
         leads = (way.of_homotopies or not is_homotopy) and (way.of_maxima or not is_maximum)
@@ -146,7 +146,7 @@ def from_rest(stuck: Stuck) -> Iterator[WayOn]:
 
 
 def with_mean_slip_regularised(stuck: Stuck) -> Iterator[WayOn]:
-    """Solve for a body that hangs on its joint alone with its mean slip held about none.  Collective."""
+    """Solve with the mean slip regularised about zero, for a body that is supported by its joint alone.  Collective."""
     held = regularised(stuck.solver, 1.0, 0.0) if stuck.may_hold else None
     if held is None:
         return
@@ -204,7 +204,7 @@ def _end_of(way: BranchTask, advance: Advance) -> BranchState | None:
 
 
 def across_the_corner(stuck: Stuck) -> Iterator[WayOn]:
-    """Solve ahead by usual steps: where a corner is very near, the shorter ones end at it.  Collective."""
+    """Solve ahead with steps of usual length: where a corner is very near, shorter ones end at it.  Collective."""
     solver, (before, now) = stuck.solver, stuck.last_two
     for ds in stuck.steps.ds * np.array(USUAL):
         guess, plane = predict(solver, stuck.earlier, before, now, ds)
@@ -217,8 +217,8 @@ def across_the_corner(stuck: Stuck) -> Iterator[WayOn]:
 def just_ahead(stuck: Stuck) -> Iterator[WayOn]:
     """Solve at a fixed parameter within the shortest step.  Collective.
 
-    On the plane normal to the branch's old direction Newton may go back and forth between the two sides of a corner.  A fixed
-    parameter favours none.
+    On the plane normal to the branch's old direction Newton may oscillate between the two sides of a corner; at a fixed parameter
+    it does not.
     """
     solver, steps, (before, now) = stuck.solver, stuck.steps, stuck.last_two
     direction = np.sign(now.iterate.parameter - before.iterate.parameter) or solver.sweep.direction
@@ -232,8 +232,8 @@ def just_ahead(stuck: Stuck) -> Iterator[WayOn]:
 def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
     """Solve beyond a corner at which the branch turns by more than 90 degrees.  Collective.
 
-    Beyond the corner another set of samples slips: the direction in which the linearisation there goes on is that of the
-    branch, one way or the other.  What lies back on the way that led here is not wanted.
+    Beyond the corner another set of samples slips: the tangent of the linearisation there, with either sign, is that of the
+    branch.  Solutions back on the last step are rejected.
     """
     solver, (before, now) = stuck.solver, stuck.last_two
     d_U, d_nu, length = difference(solver, before, now, now.size)
@@ -254,9 +254,9 @@ def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
 
 
 def patiently_ahead(stuck: Stuck) -> Iterator[WayOn]:
-    """Solve ahead by many small Newton steps, the farthest first, where the mean slip is not to be held.  Collective.
+    """Solve ahead by many small Newton steps, the farthest first, where the mean slip is not regularised.  Collective.
 
-    A point beyond a resonance that none would show is taken only where no shorter step leads on, with a note.
+    A point beyond a resonance that no point shows is accepted only if no shorter step converges, with a note.
     """
     solver, (before, now) = stuck.solver, stuck.last_two
     if solver.equation.held is None and solver.is_loose:
@@ -274,7 +274,7 @@ def patiently_ahead(stuck: Stuck) -> Iterator[WayOn]:
 
 
 def mean_slip_ahead(stuck: Stuck) -> Iterator[WayOn]:
-    """Hold the mean slip from the last point on, where most sliders have moved.  Collective."""
+    """Regularise the mean slip from the last point on, where most sliders have moved.  Collective."""
     now = stuck.last_two[1]
     held = regularised(stuck.solver, now.moved, 0.0 if now.sticks else MOVED) if stuck.may_hold else None
     if held is not None:
@@ -300,7 +300,7 @@ def tangent(
     system = BorderedSystem(solver.problem, rows, solver.scaling(now.size, now.force), now.selected)
     t_xi, t_nu = solver.workspace.corrector(solver.equation, solver.resolution).tangent(system, there)
     size = solver.length(t_xi, t_nu)
-    if not np.isfinite(size) or size == 0.0:  # the linearisation is singular there: nowhere to go
+    if not np.isfinite(size) or size == 0.0:  # the linearisation is singular there: no tangent
         return np.zeros_like(t_xi), np.zeros_like(t_nu)
     return t_xi / size, t_nu / size
 
@@ -311,9 +311,9 @@ def along(solver: PointSolver, now: PointState, ds: float, t_xi: np.ndarray, t_n
 
 
 def regularised(solver: PointSolver, moving: float, least: float) -> PointSolver | None:
-    """Return the solver with the mean slip held about the state of rest; None where it is, or nothing asks for it.
+    """Return the solver with the mean slip regularised about the state of rest; None if it already is, or need not be.
 
-    Collective.  ``moving`` is a share of the pairs, ``least`` that from which it is held, if nothing but its joint holds a body.
+    Collective.  ``moving`` is a share of the pairs, ``least`` its lower bound; only if a joint is the sole support of a body.
     """
     if solver.equation.held is not None or moving < least or not solver.is_loose:
         return None
@@ -324,9 +324,9 @@ def regularised(solver: PointSolver, moving: float, least: float) -> PointSolver
 
 
 def beyond_resonance(stuck: Stuck) -> Iterator[WayOn]:
-    """Begin again beyond the resonance that the last two points rise to, as from the linear response.  Collective.
+    """Restart beyond the resonance towards which the last two points grow, from the linear response.  Collective.
 
-    Not so far off that a requested value, or the end of the range, lies before it.
+    The new point is before the next requested value and before the end of the range.
     """
     solver, (before, now) = stuck.solver, stuck.last_two
     here, resonance = now.iterate.parameter, where_unbounded(solver, before, now)
@@ -342,7 +342,7 @@ def beyond_resonance(stuck: Stuck) -> Iterator[WayOn]:
 def where_unbounded(solver: PointSolver, before: PointState, now: PointState) -> float | None:
     """Return where 1 / |U'| falls to 0 on the straight line through the last two points, docs/theory.md, eq. (7.5).
 
-    Collective.  None where it does not, where the branch has turned back, or where something else than a frequency is continued.
+    Collective.  None where it does not, where the branch has turned back, or if the parameter is not a frequency.
     """
     a, b = (solver.norm(solver.vibration(state.iterate.U)) for state in (before, now))
     step = now.iterate.parameter - before.iterate.parameter

@@ -24,7 +24,7 @@ class Estimate:
     parts: np.ndarray  # (n_outputs, n_parts) sizes of the changes, as in ``PARTS`` [m]
     correction: np.ndarray  # (n_outputs,) complex: signed change; 0 where it is not accurate enough [m]
     remaining: np.ndarray  # (n_outputs,) error bar of the corrected amplitudes [m]
-    is_near: bool = True  # a solution of the enriched equations was found near the point
+    is_near: bool = True  # the enriched equations have a solution near the point
     adjoint: Adjoint | None = None  # of the outputs; None where all pairs stick
 
     @classmethod
@@ -43,7 +43,7 @@ def corrected(
 
     docs/theory.md, eq. (11.4).  Terms beyond first order come mainly from the harmonics, and are added to their part.  If the
     iteration does not converge, there is no correction, and the harmonics part is at least the largest change in the later steps;
-    if this change is large, no solution of the enriched equations lies near the point, and the part is at least the amplitude.
+    if this change is large, the enriched equations have no solution near the point, and the part is at least the amplitude.
 
     Parameters
     ----------

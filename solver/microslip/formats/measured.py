@@ -68,7 +68,7 @@ def read_measured(
 
     Raises
     ------
-    CaseError : names what is wrong, with the line
+    CaseError : states the fault, with the line
     """
     if path.suffix.lower() == ".mat":
         return _within(measured_of(_of_one_length(variables(path), path), str(path), outputs, units, levels), frequencies, path)

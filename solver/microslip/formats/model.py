@@ -70,7 +70,7 @@ class Equations:
     nodes: np.ndarray  # (n_terms,) index into FileModel.points; -1 - i: number i of ``points``
     axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z; 3, 4, 5: rotations of points
     coefficients: np.ndarray  # (n_terms,)
-    where: tuple[str, ...]  # where each equation stands in the file, for messages: "*EQUATION, line 12"
+    where: tuple[str, ...]  # place of each equation in the file, for messages: "*EQUATION, line 12"
     is_support: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_equations,) or empty: in turned axes
     points: tuple[str, ...] = ()  # names of the connected points in terms
 

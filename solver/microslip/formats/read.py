@@ -129,7 +129,7 @@ def _check_points(file: FileModel) -> None:
 
 @contextmanager
 def bounded_memory(path: str) -> Iterator[None]:
-    """Limit the memory that the block may allocate while it reads a file, by its size and by what is left.  Local.
+    """Limit the memory that the block may allocate while it reads a file, by its size and the free memory.  Local.
 
     Libraries allocate by the counts in a file before they read the data.  No limit where the system does not offer one.
 

@@ -30,7 +30,7 @@ ANSWER = 5.0  # s without reaction until the process ends
 LEAVING = 5.0  # s from the message to the end of the process
 _STILL = 1.0  # further s without a file being written, if the end waits for other ranks
 _ABORTING = 2.0  # s that MPI may take to end the job
-_LEAVE = b"\0"  # no signal: what wakes the thread to leave them
+_LEAVE = b"\0"  # not a signal: wakes the thread to end it
 ABORTS = 32  # tag of the message to rank 0 from a rank that ends all ranks
 
 

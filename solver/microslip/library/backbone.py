@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 NONE = 1e-12  # damping ratio by friction below which nothing slips: rounding, of either sign
 PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further
-AT_BEGIN = 1e-3  # of the static load of the first point: what pairs may take from it where a mode begins
+AT_BEGIN = 1e-3  # of the static load of the first point: largest share of the pairs where a mode begins
 CHECKED = 6  # points that are solved again for their error
 BETWEEN, LOWEST = 20, 1e-3  # of synthesised responses: amplitudes from point to point, and the lowest over that of first slip
 BEYOND = 10.0  # times the amplitude at which the last pair left sticking, the same
@@ -234,7 +234,7 @@ class Meeting:
     mode: int  # from 1, of the modes of that harmonic
     amplitude: float  # kg^1/2 m, q
     frequency: float  # Hz, of the nonlinear mode
-    place: float  # among the points: 2.5 lies midway from point 2 to 3, from 0
+    place: float  # among the points: 2.5 is midway between points 2 and 3, from 0
 
 
 def backbone(
@@ -527,7 +527,7 @@ def meetings_of(model: ReducedModel, j: int, points: tuple[ModePoint, ...]) -> t
 
 
 def _linear(prepared: Prepared, problem: NonlinearMode, mode: int, begin: Begin) -> Backbone:
-    """Return the backbone of a mode without points: what the linear structure determines.  Local."""
+    """Return the backbone of a mode without points, from the linear structure alone.  Local."""
     units = units_of(prepared.scene)
     return Backbone(
         mode=mode,

@@ -113,7 +113,7 @@ class Scatter:
     distribution: str = "lognormal"
 
     def at(self, share: np.ndarray) -> np.ndarray:
-        """Return the values below which shares (n,) of all lie.  Local."""
+        """Return the quantiles of shares (n,).  Local."""
         relative = self.percent / 100.0
         if self.distribution == "uniform":
             return self.mean * (1.0 + relative * (2.0 * share - 1.0))

@@ -25,7 +25,7 @@ PLAUSIBLE = 0.999  # share of measurements whose residuals are smaller, if the m
 ALIKE = 0.98  # correlation beyond which numbers cannot be distinguished
 MOST_EVALUATIONS = 60
 MOST_WEIGHTINGS = 4  # fits, each with the deviations that the residuals of the one before have where none are stated
-WEAK = 1e-3  # deviations, of a row that holds each number at its start: a rank for what the data do not see; over its bounds
+WEAK = 1e-3  # deviations over the bounds, of a row that ties each number to its start: for numbers the data do not determine
 ROUNDING = 1e-12  # of the largest square of an effect, up to which others are rounding
 
 
@@ -54,7 +54,7 @@ class Identified:
     outcome: str  # of the least squares
     is_converged: bool  # otherwise the last values are no least squares, and their intervals mean nothing
     scene: Any = field(repr=False)  # with the values put in, as far as it states them as single numbers
-    factors: Mapping[str, float] = field(default_factory=dict)  # numbers that it does not: times what files or laws state
+    factors: Mapping[str, float] = field(default_factory=dict)  # numbers that it does not: times the values of files or laws
 
     def __getitem__(self, key: str) -> float:
         """Return the value of a number."""

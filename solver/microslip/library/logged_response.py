@@ -86,7 +86,7 @@ def follow_peaks_logged(
 def follow_logged(
     prepared: Prepared, folder: Path, options: RunOptions, origin: Origin, log: RunLog, checkpointers: Checkpointers
 ) -> list[Branch]:
-    """Return the branches of all levels, written and logged while they are computed; log what was not computed.  Collective."""
+    """Return the branches of all levels, written and logged while computed; log the omitted parts.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     refuse_without_peaks(prepared)
     for note in note_on_mode(prepared):

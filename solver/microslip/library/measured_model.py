@@ -177,7 +177,7 @@ class _KnownPeak:
         return peak_near(forced, output, self.starts, self.width, tolerance, needs_width=lambda point: False, has_rates=True)
 
     def at(self, peak: PeakPoint, comm: MPI.Comm) -> _KnownPeak:
-        """Return it at a peak that was found.  Collective."""
+        """Return it with a peak as the next guess.  Collective."""
         share = comm.bcast(float((peak.point.state != STICK).mean()))
         return replace(self, starts=(peak.iterate, None, None), share=share)
 

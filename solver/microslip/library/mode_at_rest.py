@@ -18,16 +18,16 @@ from .build import WholeStructure
 from .prepare import Prepared
 
 ROUNDING = 1e-10  # of the largest motion of a pair in any mode
-SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, where a pair slips from the first motion on
+SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, if a pair slips from the first motion on
 AT_LIMIT = 1e-8  # of the amplitude without friction forces at rest: a pair that slips from less is at its friction limit at rest
-FARTHEST = 1e4  # times the amplitude of first slip: as far as a mode is followed where its joint comes to no gross slip
+FARTHEST = 1e4  # times the amplitude of first slip: the end of a mode without gross slip
 FINER = 8  # times the samples of the scene, at which the linear motion is tested for slip
 GROWTH, WITHIN = 1.05, 1e-9  # of an amplitude: growth of the next one tried, and the interval that encloses the first slip
 
 
 @dataclass(frozen=True, eq=False)
 class Begin:
-    """Where a nonlinear mode begins; the same on every rank."""
+    """The beginning of a nonlinear mode; the same on every rank."""
 
     amplitude: float  # kg^1/2 m, q at which the first pair slips, opens or touches; infinite if the mode moves no pair
     is_first_slip: bool = True  # False: some pairs slip from the first motion on, and q is a small amplitude

@@ -445,7 +445,7 @@ class SamplePeaks:
         peaks, near = linear_peaks(of, of.model, self.output), omega or self.target
         return min(peaks, key=lambda peak: abs(np.log(peak.omega / near)), default=None)
 
-    # -- what a sample changes ---------------------------------------------------------------------------------------
+    # -- the changes of a sample ---------------------------------------------------------------------------------------
 
     def _problem(self, values: tuple[float, ...]) -> _Problem:
         """Return the problem of a sample, which reuses as much as its numbers allow.

@@ -48,7 +48,7 @@ class SolutionAt:
     slipping: int  # numbers of pairs
     open: int
     source: str  # "curve", "level" or "deflation"
-    curve: FollowedCurve | None = None  # through it; None unless requested, or where it lies on the curve of the search
+    curve: FollowedCurve | None = None  # through it; None unless requested, or if it is on the curve of the search
     notes: tuple[str, ...] = ()  # of the point, as that the mean slip is held by springs
 
     @property
@@ -74,7 +74,7 @@ class SolutionAt:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The solutions found at a frequency and level, by rising amplitude of the first output.  There may be others."""
+    """Solutions at a frequency and level, by rising amplitude of the first output.  There may be others."""
 
     frequency: float  # Hz
     level: float
@@ -107,7 +107,7 @@ def search(
     level : the highest of the scene if None
     starts : Newton's method by deflation begins from so many motions
     seed : of the random ones
-    follow : whether the curve is followed from each solution that does not lie on the curve of the level
+    follow : whether the curve is followed from each solution that is not on the curve of the level
     keys : as those of :func:`respond`, but levels and at
 
     Raises

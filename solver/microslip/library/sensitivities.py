@@ -25,7 +25,7 @@ OF_TABLES = {("materials", "young"): "Pa", ("materials", "density"): "kg/m3", ("
 IN_FORCES = {"preload": "N", "tangential_stiffness": "N/m", "normal_stiffness": "N/m"}  # of pairs without an area
 FACTOR = "times the scene's values"  # the unit of a number that differs from pair to pair, or that a law or a file gives
 NUMBER_OF = LAW_NAMES | {"slip_force": "slip_force"}
-AT_REST = ("preload", "gap")  # which [statics] compute: a factor of what the pairs have at rest
+AT_REST = ("preload", "gap")  # computed by [statics]: a factor of the values of the pairs at rest
 
 
 def unit_of_key(scene: Scene, key: str) -> str:

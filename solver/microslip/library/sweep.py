@@ -79,7 +79,7 @@ class SweepTable:
 
     @property
     def failures(self) -> list[str]:
-        """What went wrong, a line for each sample without a peak that the scene allows."""
+        """Failures, a line for each allowed sample without a peak."""
         return [self.line(i) for i, sample in enumerate(self.samples) if sample.status == FAILED]
 
     @property

@@ -90,7 +90,7 @@ def depth_per_energy(wear: Wear, pairs: ContactPairs) -> np.ndarray:
 class WearingJoint:
     """A structure whose joints wear.  Collective on ``structure.comm``, as all its methods.
 
-    The last peak is remembered, so that the next one is found from it; without it the results agree to the solver's tolerance.
+    The last peak is stored as the guess for the next one; it changes results only within the solver's tolerance.
 
     Raises
     ------

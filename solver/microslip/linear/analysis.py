@@ -22,7 +22,7 @@ class Reports(Protocol):
 
 @dataclass(frozen=True)
 class FactorMemory:
-    """What MUMPS estimates of a factorisation on this rank; the entries are of all ranks."""
+    """MUMPS' estimates of a factorisation on this rank; the entries are of all ranks."""
 
     in_core: float  # bytes
     out_of_core: float  # bytes in memory, the factor on disk

@@ -41,7 +41,7 @@ def is_singular(A: PETSc.Mat, diagonal: np.ndarray, solver: DirectSolver) -> boo
 
     Collective: one pass over the factor.
 
-    A step of inverse iteration: a free motion, softer than all others by 1e9 and more, is nearly all of what it leaves.
+    A step of inverse iteration: a free motion, softer than all others by 1e9 and more, is nearly all of its result.
     """
     comm, wave = A.comm.tompi4py(), wave_matrix(A)
     n_tried = _N_TRIED[wave is not None and wave.is_complex]

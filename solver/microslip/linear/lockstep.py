@@ -1,4 +1,4 @@
-"""Computations in lockstep: what all of them request next is computed at once, as the solves of a block with one factor.
+"""Computations in lockstep: their next requests are answered together, as the solves of a block with one factor.
 
 Each computation runs in a greenlet, a coroutine that may also wait within a callback of a library, here of SLEPc's eigensolver.
 There is one thread, and computations continue in a fixed order, so that collective calls have the same order on every rank.
@@ -53,7 +53,7 @@ def in_lockstep(computations: Sequence[Callable[[], Result]]) -> list[Result]:
 
     Raises
     ------
-    Whatever a computation or an answer raises, after the others were ended by a GreenletExit where they wait.
+    Any exception of a computation or an answer, after a GreenletExit has ended the others where they wait.
     """
     coroutines = [_Coroutine(each) for each in computations]
     results: dict[_Coroutine, Any] = {}

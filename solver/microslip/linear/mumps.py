@@ -38,8 +38,8 @@ _SIDES, _SPARSE, _DISTRIBUTED = 20, 1, 10  # ICNTL, and kinds of right-hand side
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
 _GIVEN, _BY_BLOCKS = 1, 1  # ICNTL(7): the order is ours; ICNTL(15): rows of one pattern are analysed as one, half the work
-# ICNTL: it is scaled here, for which MUMPS takes a tenth of its time; no ScaLAPACK at the root, null pivots are counted, factors
-# are dropped as they come
+# ICNTL: no scaling by MUMPS (a tenth of its time; done here); no ScaLAPACK at the root; null pivots are counted; factors
+# are discarded
 _FOR_INERTIA = ((8, 0), (13, 1), (24, 1), (31, 1))
 RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
 RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
@@ -212,7 +212,7 @@ def factorise(
     Returns
     -------
     factor : to be destroyed by the caller
-    info : "code" is 0, or one of ``SINGULAR`` if A has no factor; "messages": lines on what was done for lack of memory
+    info : "code" is 0, or one of ``SINGULAR`` if A has no factor; "messages": lines on measures for lack of memory
 
     Raises
     ------
@@ -347,7 +347,7 @@ def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) 
             if options.hasName(f"mat_mumps_{kind}_{number}"):
                 state(number, read(f"mat_mumps_{kind}_{number}"))
     if mumps.icntl(4) > 0 and not options.hasName("mat_mumps_icntl_3"):
-        mumps.set_icntl(3, 6)  # Fortran's unit of the screen, for what MUMPS prints
+        mumps.set_icntl(3, 6)  # Fortran's unit of the screen, for MUMPS' output
 
 
 def _units(A: PETSc.Mat) -> np.ndarray:

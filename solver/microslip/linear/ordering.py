@@ -65,7 +65,7 @@ def elimination_order(A: PETSc.Mat, last: np.ndarray, is_bounded: bool = True) -
 
 
 def last_of_all(order: Order, rows: np.ndarray) -> Order:
-    """Return the order with some rows at its end, (m,), as they come; without groups.  Local."""
+    """Return the order with some rows at its end, in the order of ``rows`` (m,); without groups.  Local."""
     n = len(order.places)
     if n == 0:
         return order

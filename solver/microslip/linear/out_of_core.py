@@ -25,7 +25,7 @@ VARIABLE = "MUMPS_OOC_TMPDIR"  # names another folder
 PREFIX = "microslip_factor_"  # prefix of the folders with one rank's part of a factor
 _OUT_OF_CORE = 22  # ICNTL
 _IN_MEMORY = ("tmpfs", "ramfs", "rootfs")  # file systems that are no disk
-_MARGIN = 1.2  # of the estimate, for what MUMPS adds to it while it factors
+_MARGIN = 1.2  # of the estimate, for the memory that MUMPS adds during factorisation
 
 
 def room_on_disk(comm: MPI.Comm, memory: FactorMemory) -> str | None:

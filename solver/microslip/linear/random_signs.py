@@ -1,4 +1,4 @@
-"""Random signs of rows, the same whatever rank owns a row."""
+"""Random signs of rows, independent of the rank that owns a row."""
 
 import numpy as np
 

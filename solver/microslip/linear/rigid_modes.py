@@ -102,7 +102,7 @@ def _independent(comm: MPI.Comm, Z_owned: np.ndarray, G: np.ndarray) -> np.ndarr
 def isostatic_rows(rigid: RigidModes, A: PETSc.Mat) -> np.ndarray:
     """Return rows at which springs hold the rigid-body modes without constraint, (n,) global, rising.  Collective.
 
-    One after the other where what is left of the modes is largest, measured by the root of the diagonal of A.
+    One after the other where the remainder of the modes is largest, measured by the root of the diagonal of A.
     """
     comm, first = rigid.comm, A.getOwnershipRange()[0]
     left = np.sqrt(np.maximum(diagonal_owned(A), 0.0))[:, None] * rigid.phi_owned
@@ -164,7 +164,7 @@ class InertiaRelief:
         return summed(self.comm, np.vstack([self._on_rows(X_owned), self.rigid.M_phi_owned.T @ X_owned]))
 
     def _weights(self, seen: np.ndarray) -> np.ndarray:
-        """Return what of ``Y_owned`` makes springs and inertia forces carry nothing, (2 n, m), for what is seen of motions."""
+        """Return the weights of ``Y_owned`` with which springs and inertia forces vanish, (2 n, m), from :meth:`_seen`."""
         n, size = self.rigid.n, np.abs(self.S).max(axis=1, keepdims=True)
         weights = self.comm.bcast(np.linalg.solve(self.S / size, seen / size))
         return np.vstack([weights[:n], -weights[n:]])

@@ -522,5 +522,5 @@ class DiameterFactor:
         return self.of_sector.count_below(sigma, self.system)
 
     def destroy(self) -> None:
-        """Free what is of this nodal diameter alone.  Collective."""
+        """Free the data of this nodal diameter only.  Collective."""
         self.L = None

@@ -2,7 +2,7 @@
 
 docs/theory.md, section 4, "Softly held structures".  A structure held at 1 Hz and excited at 400 Hz has static solutions that
 are almost all rigid-body motion, 1 / omega_k^2, which the same mode's dynamic share takes away again.  Rounding in the factor
-leaves an error of cond(K_L) eps in that direction, which is as large as what remains.
+leaves an error of cond(K_L) eps in that direction, which is as large as the remainder.
 """
 
 from __future__ import annotations

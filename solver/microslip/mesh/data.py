@@ -60,7 +60,7 @@ class Mesh:
     fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: values at the nodes; NaN: no value
     outside: Outside = field(default_factory=Outside)
     equations: Equations | None = None  # between nodes; n_nodes + k is node k of ``outside``
-    touching_faces: frozenset[str] = frozenset()  # groups of touching faces found by geometry: some may overlap only partly
+    touching_faces: frozenset[str] = frozenset()  # groups of touching faces, detected by geometry: some may overlap only partly
 
     planes: Mapping[str, np.ndarray] = field(default_factory=dict)  # of groups along a plane: a point, the normal, (2, 3)
 

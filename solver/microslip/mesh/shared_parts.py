@@ -183,7 +183,7 @@ def _averages(mesh: Mesh, cells: Cells, parts: Parts, reach: float, by_moments: 
 def _interpolated(mesh: Mesh, cells: Cells, i: np.ndarray, kind: str, faces: np.ndarray, where: np.ndarray):
     """Return shape functions (t, s, k), heights (t, s) [m] and local coordinates (t, s, 2) of faces (t, k) at places (t, s, 2).
 
-    The places are in the cells' planes, the heights above these.  The local coordinates are found by Newton's method, from the
+    The places are in the cells' planes, the heights above these.  The local coordinates come from Newton's method, from the
     middle of the face.
 
     Raises

@@ -74,7 +74,7 @@ def prefixed(fault: CaseError, text: str) -> CaseError:
 
 
 class ConvergenceError(MicroslipError):
-    """A solver did not reach its tolerance; what converged before remains."""
+    """A solver did not reach its tolerance; earlier results remain."""
 
     exit_status = 3
 
@@ -86,7 +86,7 @@ class ResourceError(MicroslipError):
 
 
 class Interrupted(MicroslipError):
-    """A signal or the time limit stopped the run; what converged before remains."""
+    """A signal or the time limit stopped the run; earlier results remain."""
 
     exit_status = 5
 

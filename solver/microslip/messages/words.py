@@ -53,7 +53,7 @@ def shortened(text: str, n_letters: int = 400) -> str:
 
 
 def is_deeply_nested(text: str) -> bool:
-    """Return whether tables of a TOML file lie deeper in each other than any that is meant.  Local."""
+    """Return whether the tables of a TOML file are nested deeper than any valid ones.  Local."""
     return _DEEP.search(text) is not None
 
 

@@ -111,7 +111,7 @@ def _widened(
     else:
         X = linearised.factor.solve(forces_owned)
     M_phi = multiply(M, phi_owned)
-    for _ in range(2):  # the second time from what rounding leaves of the first
+    for _ in range(2):  # the second time removes the rounding errors of the first
         X = X - phi_owned @ gram(comm, M_phi, X)
         mass = gram(comm, X, multiply(M, X))
         scale = 1.0 / np.sqrt(np.maximum(np.diag(mass).real, np.finfo(float).tiny))

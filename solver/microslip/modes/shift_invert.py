@@ -303,7 +303,7 @@ class _Products:
         self._latest: complex = 1.0  # s of the latest request
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Multiply a vector, of a complex phase in real form: what PETSc calls.  Collective."""
+        """Multiply a vector, of a complex phase in real form; called by PETSc.  Collective."""
         column = x.getArray()[:, None]
         product = real_columns(self._product(complex_columns(column))) if self._wave.is_complex else self._product(column)
         y.setArray(product[:, 0])

@@ -24,7 +24,7 @@ class Stops:
     ----------
     save : writes the points of unfinished levels
     limit : time limit of this run; None: no limit
-    saved : what has been saved then, for the log
+    saved : description of the saved data, for the log
     """
 
     def __init__(

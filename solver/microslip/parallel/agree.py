@@ -32,7 +32,7 @@ def on_root(comm: MPI.Comm, function: Callable[..., Any], *args: Any, share: boo
 
     Raises
     ------
-    Whatever ``function`` raises, on every rank: the same type of error with the same text.
+    Any exception of ``function``, on every rank: the same type of error with the same text.
     A ``SystemExit`` from a library becomes a ``CaseError``.
     """
     value: Any = None

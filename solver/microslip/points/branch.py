@@ -129,7 +129,7 @@ class Branch:
     closes_to: float = CLOSES_TO  # of the energy balance, by the tolerance of its points
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
-    solver: str = ""  # what Newton's method ran in, as it calls itself; "" where nothing was solved
+    solver: str = ""  # name of the solver of Newton's method; "" without a solve
     bifurcations: list[Bifurcation] | None = None  # where stability changes, and folds; None without multipliers
     peaks: list[Peak] | None = None  # maxima of the outputs, each solved for; None where they are not
 
@@ -149,7 +149,7 @@ class Branch:
         return [point if i == top else replace(point, U=NOTHING, p=NOTHING) for i, point in enumerate(self.points)]
 
     def with_segment_from_the_other_end(self, other: Branch) -> Branch:
-        """Return the branch, which ended early, and what was followed from the other end of the range, as one."""
+        """Return the branch, which ended early, joined with the one from the other end of the range."""
         failure = other.failure and f"{self.failure}; and from the other end of the range: {other.failure}"
         return replace(
             self, points=self.points + other.points, failure=failure, is_linear=False, broken=None if failure else self.failure

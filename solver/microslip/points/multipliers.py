@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 N_MULTIPLIERS = 6  # of a point
-BEYOND = 1e-4  # of the unit circle: a multiplier there is unstable; what steps and samples are off by stays below
+BEYOND = 1e-4  # of the unit circle: a multiplier beyond is unstable; errors of steps and samples are smaller
 
 
 def n_unstable(multipliers: np.ndarray) -> int:

@@ -40,7 +40,7 @@ class Column:
 
     name: str
     meaning: str
-    of: Callable[[Any], Any] = as_it_is  # of what is stored of a point and output
+    of: Callable[[Any], Any] = as_it_is  # of the stored value of a point and output
     digits: int = 13  # significant ones
 
 
@@ -49,7 +49,7 @@ class Quantity:
     """What a field of a dataclass is, and how it is stored: of a :class:`~microslip.points.branch.Point` above all.
 
     One whose field may be None is left out of a level unless all its points have it: its array is None then, its cells are
-    empty, and a file without it is read; so is one without what an earlier version did not write (``optional``).
+    empty, and a file without it is read; so is one without fields that earlier versions did not write (``optional``).
     """
 
     dataset: str  # its name in results.h5; the array of a level is called the same, but for the unit at its end
@@ -58,7 +58,7 @@ class Quantity:
     meaning: str
     kind: str = "f8"  # NumPy's name of its type, or TEXT
     columns: tuple[Column, ...] = ()
-    stored: Callable[[Any], Any] = as_it_is  # what is stored of the field's value
+    stored: Callable[[Any], Any] = as_it_is  # the stored form of the field's value
     field: str = ""
     optional: bool = False
     earlier: str = ""  # the name of the dataset in files of earlier versions
@@ -79,7 +79,7 @@ class Quantity:
         return "pairs" in self.axes and "coefficients" in self.axes
 
     def of(self, point: Any) -> Any:
-        """Return what is stored of a point; None where it was not computed."""
+        """Return the stored value of a point; None if it was not computed."""
         value = getattr(point, self.field)
         return None if value is None else self.stored(value)
 

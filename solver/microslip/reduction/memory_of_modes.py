@@ -65,7 +65,7 @@ def of_proof(entries: float, fronts: float) -> float:
 
 
 def memory_of_diameter(sectors: Sectors, n_modes: int, n_dof: int) -> float:
-    """Return what a nodal diameter has in memory during its search, on all ranks [bytes].  Local.
+    """Return the memory of a nodal diameter during its eigenvalue search, on all ranks [bytes].  Local.
 
     The space of the search, in real form, and one triangle on the rows that a face depends on.
     """

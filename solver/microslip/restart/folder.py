@@ -203,7 +203,7 @@ class Restart:
         return checkpointer
 
     def checkpointer_of_peaks(self, prepared: Prepared, log: RunLog) -> Callable[[int, int], Checkpointer]:
-        """Return what gives the checkpointer of a number and of a peak over it, both by their order.  Local."""
+        """Return the function that gives the checkpointer of a number and a peak over it, both by index.  Local."""
         n_modes, numbers = prepared.structure.n_modes, numbers_of(prepared)
 
         def checkpointer(number: int, peak: int) -> Checkpointer:
@@ -214,7 +214,7 @@ class Restart:
         return checkpointer
 
     def checkpointer_of_mode(self, prepared: Prepared, number: int, farthest: float | None, log: RunLog) -> Checkpointer:
-        """Return the checkpointer of a nonlinear mode, which logs what it restores.  Local."""
+        """Return the checkpointer of a nonlinear mode, which logs the restored points.  Local."""
         name = f"mode-{self.identity.mode(number, farthest, prepared.structure.n_modes)}"
         self._used.add(name)
         return BranchFiles(self.comm, self.path / name, 0, log.note, disk=self._disk)

@@ -43,7 +43,7 @@ class Identity:
         """Return the identity of the texts by ``as_texts``."""
         return cls(texts["scene"], texts["files"], texts["program"], tuple(texts["options"]))
 
-    # -- what parts of the work depend on --------------------------------------------------------------------------
+    # -- the data that parts of the work depend on --------------------------------------------------------------------------
 
     @property
     def whole(self) -> str:

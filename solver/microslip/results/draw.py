@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def draw(comm: MPI.Comm, folder: Path, write: Callable[[], None] | None = None) -> None:
     """Draw the pictures of the results in a folder, shared among the ranks.
 
-    Collective on ``comm``.  Rank 0, which has the last share, begins with what there is to ``write``.
+    Collective on ``comm``.  Rank 0, which has the last share, begins with the files to ``write``.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Fields of the whole structure in results.h5: its mesh, mode shapes, state of rest, the motion at the peak of every level.
 
-They are single precision: some seven digits, for pictures and other programs.  Kept when everything is solved; without a mesh
-there are none.
+They have single precision (some seven digits), for pictures and other programs.  They are written when everything is solved;
+without a mesh there are none.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """What is known at the nodes of the mesh, in its order."""
+    """Fields at the nodes of the mesh, in its order."""
 
     mesh: Mesh
     shapes: np.ndarray  # (n_modes, n_nodes, 3) mode shapes, M-normalised [1/sqrt(kg)]
@@ -42,7 +42,7 @@ class Fields:
 
 @dataclass(frozen=True)
 class StageRecord:
-    """What a stage of the run took."""
+    """The cost of a stage of the run."""
 
     name: str
     seconds: float  # of the slowest rank

@@ -108,7 +108,7 @@ def draw_sensitivity_map(results: ResultFile) -> Pages:
 
 
 def draw_rest(results: ResultFile) -> Pages:
-    """Draw pressure and share of the friction limit at rest, where statics have found them.  Local."""
+    """Draw pressure and share of the friction limit at rest, where statics computed them.  Local."""
     joint = results.joint
     if not (joint.open_at_rest.any() or joint.T0.any()):
         return {}

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogFormatterSciNotation
 
 POINT = 1.0 / 72.0  # in
 PAD = 0.05  # in, about each of the axes
-_TICK = 7.0 * POINT  # a tick and what parts it from its number
+_TICK = 7.0 * POINT  # a tick and the distance to its number
 _LINE = 1.2  # times the size of the letters
 _WIDE, _NARROW = 0.64, 0.42  # times the size of the letters: a digit, and a point or an exponent
 _LABEL_GAP, _TITLE_GAP = 4.0 * POINT, 6.0 * POINT
@@ -65,7 +65,7 @@ def log_scale(ax: Axes, *names: str) -> None:
 class PageLayout(LayoutEngine):
     """Lays the cells of a grid out in a field of a figure, so that nothing is cut off; ``top`` in inches is left above it.
 
-    All cells of a row or a column have the margins of its largest labels; what is left is shared by the grid's ratios.
+    All cells of a row or a column have the margins of its largest labels; the remaining space is divided by the grid's ratios.
     """
 
     _adjust_compatible, _colorbar_gridspec = False, False

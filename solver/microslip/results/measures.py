@@ -25,7 +25,7 @@ class Shown:
 
     @property
     def per_level(self) -> str:
-        """What follows a unit that is per unit of the level."""
+        """The suffix of a unit per unit of the level."""
         return "" if self.level_unit == "1" else f"/{self.level_unit}" if self.level_unit == "N" else f"/({self.level_unit})"
 
     def size(self, coefficients: np.ndarray) -> np.ndarray:

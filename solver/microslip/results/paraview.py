@@ -87,7 +87,7 @@ def _joint(results: ResultFile, fields: Fields | None, mesh: JointMesh, folder: 
 
 
 class _Period:
-    """What the pairs do over the period at a point of a level, step by step."""
+    """The state of the pairs over the period at a point of a level, step by step."""
 
     def __init__(self, results: ResultFile, fields: Fields | None, number: int, at: int, steps: int):
         joint, self.joint = results.joint, results.joint

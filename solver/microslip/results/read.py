@@ -102,7 +102,7 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
 
 
 def _wear(reader: Reader, outputs: tuple[str, ...], n_pairs: int) -> Wear:
-    """Return what a study of wear has added."""
+    """Return the data of a study of wear."""
     law, output = (attribute(reader.group("wear"), name) for name in ("law", "output"))
     cycles = reader.array("wear/cycles", "f8", (None,))
     depth, N0 = (reader.array(f"wear/{name}", "f8", (len(cycles), n_pairs)) for name in ("depth", "N0"))

@@ -1,4 +1,4 @@
-"""What a result file holds, as arrays: the same classes are written and read.  NumPy only.
+"""The contents of a result file, as arrays: the same classes are written and read.  NumPy only.
 
 n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 1, sin 1, ...).
 """
@@ -99,7 +99,7 @@ class PeaksOver:
 
 @dataclass(frozen=True, eq=False)
 class Wear:
-    """What a joint has worn after n numbers of cycles."""
+    """The wear of a joint after n numbers of cycles."""
 
     law: str  # of wear
     output: str
@@ -214,7 +214,7 @@ class ResultFile:
 
     @property
     def missing(self) -> tuple[float, ...]:
-        """The levels of the run that have not come to their end [N]: it is at work, or was stopped."""
+        """The levels of the run that are not complete [N]: it is running, or was stopped."""
         ended = {level.level for level in self.levels if level.status != RUNNING}
         return tuple(level for level in self.requested if level not in ended)
 
@@ -294,7 +294,7 @@ def bifurcation_arrays(bifurcations: Sequence[Bifurcation], n_outputs: int) -> d
 
 
 def peak_arrays(peaks: Sequence[Peak]) -> dict[str, np.ndarray]:
-    """Return the peaks of a level as arrays (n_peaks, ...) by the names of ``PEAK_QUANTITIES``; what some lack is left out.
+    """Return the peaks of a level as arrays (n_peaks, ...) by the names of ``PEAK_QUANTITIES``; without those that some lack.
 
     Local.
     """

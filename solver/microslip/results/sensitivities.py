@@ -126,7 +126,7 @@ class SensitivityTable(Mapping[str, Derivative]):
         return [(peak, peak_rates(peak, self.varied.values())) for peak in at_level.peaks]
 
     def scatter(self, deviations: Mapping[str, float]) -> Scatter:
-        """Return what scatter of numbers does to first order: ``deviations`` are standard deviations in per cent, by key.
+        """Return the first-order effect of scattered numbers: ``deviations`` are standard deviations in per cent, by key.
 
         Raises
         ------

@@ -25,7 +25,7 @@ MOST_PANELS = 12  # small multiples in one picture
 MOST_NAMED = 12  # levels named in a legend
 ROWS = 5  # outputs in one picture
 
-# no key is left to a matplotlibrc, which may lie in the folder of a scene and name a program to run
+# no key comes from a matplotlibrc, which may be in the folder of a scene and name a program to run
 RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"} | {
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
@@ -106,7 +106,7 @@ def level_name(level: LevelResult, short: bool = False) -> str:
 
 
 def outputs_by_page(results: ResultFile) -> list[tuple[str, list[tuple[int, str]]]]:
-    """Return number and name of the outputs of each picture, and what its file is called after: "", or _01, _02, ...."""
+    """Return number and name of the outputs of each picture, and the suffix of its file name: "", or _01, _02, ...."""
     outputs = list(enumerate(results.outputs))
     pages = [outputs[first : first + ROWS] for first in range(0, len(outputs), ROWS)]
     return [(f"_{i:02d}" if len(pages) > 1 else "", page) for i, page in enumerate(pages, 1)]
@@ -120,7 +120,7 @@ def some(items: Sequence, most: int) -> list:
 
 
 class Titled(Protocol):
-    """What has a scene's title: a scene, its results."""
+    """An object with a scene's title: a scene, its results."""
 
     @property
     def title(self) -> str:
@@ -144,7 +144,7 @@ class PageFigure(Figure):
 class Page:
     """A figure with a heading and a legend above a field for axes; sizes in inches, ``height`` that of the field.
 
-    The heading is the scene's title and, in a second line, what is shown.
+    The heading is the scene's title and, in a second line, the subject of the picture.
     """
 
     LINE, ENTRY, MARGIN = 0.145, 0.155, 0.08

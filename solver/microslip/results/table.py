@@ -70,7 +70,7 @@ class ResponseTable:
             raise
 
     def _append(self, rows: Iterable[Iterable[object]]) -> None:
-        """Write rows, all of them or none: what a full disk took of them is cut off again."""
+        """Write rows, all of them or none: rows cut short by a full disk are removed."""
         data = _as_csv(rows)
         try:
             written = 0

@@ -25,7 +25,7 @@ class Patch:
     label: str
     x_label: str  # the model axis that x follows, "" if none
     pairs: np.ndarray  # (m,) indices of pairs
-    points: np.ndarray  # (m, 2) where they lie
+    points: np.ndarray  # (m, 2) places
     cells: list[np.ndarray]  # (k, 2) polygons; one for each face and pair
     cell_pair: np.ndarray  # (n_cells,) the pair that a cell belongs to
     outlines: list[np.ndarray]  # (k, 2) the faces
@@ -61,7 +61,7 @@ def patches(joint: Joint) -> list[Patch]:
 
 
 def _label(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:
-    """Return where a patch lies among the patches of its joint: the coordinates [mm] in which they differ most."""
+    """Return the position of a patch among those of its joint: the coordinates [mm] in which they differ most."""
     centres = 1e3 * np.array([joint.position[other].mean(axis=0) for other in siblings])
     spread = np.ptp(centres, axis=0)
     if not np.isfinite(centres).all() or spread.max() == 0.0:
@@ -137,7 +137,7 @@ def _shared_corners(joint: Joint) -> np.ndarray:
 
 
 def has_cell(joint: Joint) -> np.ndarray:
-    """Return which pairs have a cell of their own, (n_pairs,) bool.  Local."""
+    """Return the pairs with a cell, (n_pairs,) bool.  Local."""
     return np.isfinite(joint.cells).all(axis=(1, 2)) & (np.ptp(joint.cells, axis=1).max(axis=1, initial=0.0) > 0.0)
 
 
@@ -195,7 +195,7 @@ def _unwrapped(ring: np.ndarray, period: float) -> np.ndarray:
 def parts_of(ring: np.ndarray, has_middles: bool) -> list[np.ndarray]:
     """Return the part of a face nearest to each node of its ring (n, any), where every second one may be the middle of a side.
 
-    Local.  The corners of a part are means of rows of the ring, whatever their quantity.
+    Local.  The corners of a part are means of rows of the ring, for every quantity.
     """
     centre = ring.mean(axis=0)
     after, inner = (ring + np.roll(ring, -1, axis=0)) / 2.0, (ring + centre) / 2.0

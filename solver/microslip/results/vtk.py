@@ -78,7 +78,7 @@ def write_fields(path: str, mesh: Mesh | str, fields: Mapping[str, np.ndarray]) 
 
 
 def _copy_mesh(path: str, root: h5py.Group) -> None:
-    """Copy what :func:`write_grid` and :func:`write_numbers` wrote to another file, without unpacking it.  Local."""
+    """Copy the data of :func:`write_grid` and :func:`write_numbers` to another file, without unpacking.  Local."""
     with h5py.File(path, "r") as file:
         for name, part in file["VTKHDF"].items():
             if name != "PointData":

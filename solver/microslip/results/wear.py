@@ -39,7 +39,7 @@ OF_JOINT = {
 
 @dataclass(frozen=True, eq=False)
 class WearHistory(Wear):
-    """A joint after n numbers of cycles, with what files beyond results.h5 show."""
+    """A joint after n numbers of cycles, with the data of files other than results.h5."""
 
     unit: str  # of its coefficient
     level: float

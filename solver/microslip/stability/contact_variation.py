@@ -94,7 +94,7 @@ def _of_block(
     order = np.argsort(np.concatenate([part.pair for part in parts]), kind="stable")
 
     def together(name: str) -> np.ndarray:
-        """Return what the sliders of all kinds have, by rising pair; along the steps first, as linear courses."""
+        """Return a value of the sliders of all kinds, by ascending pair; along the steps first, as linear courses."""
         values = np.concatenate([getattr(part, name) for part in parts])[order]
         return _as_courses(np.moveaxis(values, 0, 2))
 

@@ -112,7 +112,7 @@ class CycleMap:
     omega : frequency [rad/s]
     omega_n, damping : of the modes
     R_phi : (3 m, n_modes) participation of the pairs of ``contact``
-    G : (3 m, 3 m) their residual flexibility beside the modes [m/N]
+    G : (3 m, 3 m) their residual flexibility in addition to the modes [m/N]
     """
 
     def __init__(

@@ -40,7 +40,7 @@ def multipliers_at(
 ) -> Multipliers:
     """Return the multipliers of the periodic motion ``U`` (n_owned, 3, N_H) of this rank's pairs.
 
-    Collective: static columns of the pairs that leave sticking, gathers of what their ranks know of them.  Rank 0 computes.
+    Collective: static columns of the pairs that leave sticking, gathers of the data of their ranks.  Rank 0 computes.
     """
     mine, G = _of_owned(equation, U, n_steps, n_within)
     n_sliders = sum(len(sliders.pair) for sliders in equation.law.sliders) - len(mine.slider_pair)
@@ -61,7 +61,7 @@ def _of_owned(equation: HarmonicBalance, U: np.ndarray, n_steps: int, n_within: 
 
 
 def _of_parts(model: ReducedModel, omega: float, parts: list[tuple[ContactVariation, np.ndarray, int]]) -> Multipliers:
-    """Return the multipliers from what the ranks know of their pairs.  Local."""
+    """Return the multipliers from the data of the ranks' pairs.  Local."""
     contact, modes = joined([mine for mine, _, _ in parts]), model.groups[0].receptance.modes
     R_phi = modes.R_phi[(3 * contact.pairs[:, None] + np.arange(3)).ravel()]
     G = np.concatenate([G for _, G, _ in parts]) - (R_phi / modes.omega_n**2) @ R_phi.T

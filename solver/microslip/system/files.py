@@ -12,8 +12,8 @@ from pathlib import Path
 from ..messages.errors import CaseError, MicroslipError, ResourceError
 from .signals import unbroken
 
-BESIDE = ".part"  # what a file is called until it is whole
-_OF_PROCESS: set[str] = set()  # folders that are of no use after its end
+BESIDE = ".part"  # suffix of a file until it is complete
+_OF_PROCESS: set[str] = set()  # folders to remove at its end
 _FORBIDDEN = {
     errno.EACCES,
     errno.EPERM,
@@ -48,7 +48,7 @@ def file_errors(path: str) -> Iterator[None]:
         number = _errno(problem)
         cause = os.strerror(number) if number else " ".join(str(problem).split())[:200]
         if os.path.isdir(path) and isinstance(getattr(problem, "filename", None), str):
-            path = problem.filename.removesuffix(BESIDE)  # of the files in a folder, the one at fault
+            path = problem.filename.removesuffix(BESIDE)  # the file of the folder that failed
         if number in _FORBIDDEN:
             raise CaseError(f"{path}: cannot be written: {cause}; choose another folder with --out") from problem
         raise ResourceError(f"{path}: could not be written: {cause}; make room or choose another disk with --out") from problem
@@ -76,7 +76,7 @@ def _errno(problem: BaseException) -> int | None:
 
 @contextmanager
 def atomic_write(path: str) -> Iterator[str]:
-    """Yield the name of a file beside ``path`` that takes its place when the block ends without an error.  Local.
+    """Yield the name of a temporary file that replaces ``path`` when the block ends without an error.  Local.
 
     Whoever is killed meanwhile leaves the old file untouched; a signal to stop waits until the new one is there.
 

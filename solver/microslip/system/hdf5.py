@@ -46,7 +46,7 @@ def extended_hdf5(path: str, replaced: str = "") -> Iterator[h5py.File]:
 
 
 class _Disk(io.RawIOBase):
-    """A file for HDF5.  After the first write that the disk refuses all go to memory, so that HDF5 reads what it wrote."""
+    """A file for HDF5.  After the first write that the disk refuses, all writes go to memory, so that HDF5 can read them back."""
 
     def __init__(self, file: io.FileIO):
         super().__init__()

@@ -26,7 +26,7 @@ _USED = {1: "memory.usage_in_bytes", 2: "memory.current"}
 class Limit:
     """A bound on the memory of some processes."""
 
-    name: str  # what messages call it
+    name: str  # name in messages
     shared_by: str  # the same for all processes that share it
     available: float  # bytes
 
@@ -84,7 +84,7 @@ def memory_left_here() -> float:
 
 
 def lack_of_memory(needed: float) -> str | None:
-    """Return how memory falls short of a number of bytes, to follow what needs them; None where it suffices.  Local."""
+    """Return the end of a message on missing memory for a number of bytes; None if there is enough.  Local."""
     if needed <= (left := memory_left_here()):
         return None
     return f"{gigabytes(needed)} of memory, of which {gigabytes(left)} are left"
@@ -99,7 +99,7 @@ def bounded_by_machine(limit: int) -> int:
 
 
 def limits_here(machine: str, process: str, resident: float, root: Path = Path("/")) -> list[Limit]:
-    """Return what bounds the memory of this process.  Local.
+    """Return the limits of this process's memory.  Local.
 
     Parameters
     ----------

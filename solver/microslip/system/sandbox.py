@@ -1,8 +1,8 @@
 """Calls in a sandbox: a process with limits, for libraries that crash, hang or write beyond their arrays on damaged files.
 
-The process is a fresh one, no fork: it has neither the threads nor the descriptors of its parent, and so no lock; it knows no
-launcher, imports what the called function needs, and ends with its parent, in whatever way that ends.  Its answer may be that
-of a library that a file has taken over: ``plain_data`` reads it.
+The process is new, not forked: it has neither the threads nor the descriptors of its parent, and so no lock.  It has no link
+to the MPI launcher, imports only the modules of the called function, and ends with its parent in all cases.  A malicious file may
+control the library and its answer, so ``plain_data`` reads that.
 """
 
 import os
@@ -21,11 +21,11 @@ from . import plain_data
 from .memory import bounded_by_machine, gigabytes
 
 _LONGEST = 10  # s of the processor for any file: libraries go round in circles in some that are damaged
-_FREE = 2**30  # bytes that a file may take whatever its size
+_FREE = 2**30  # bytes that a file of any size may take
 _NO_MEMORY = 3  # status of a process whose call needs more
 _START = "import sys; sys.path[:] = sys.argv[1:]; from microslip.system.sandbox import serve; serve()"
 _LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "HYDRA_", "MPI_", "SLURM_")  # variables: the process is no rank
-_OF_PARENT = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)  # the parent decides what they mean
+_OF_PARENT = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)  # the parent handles them
 _DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG
 
 
@@ -170,7 +170,7 @@ def _end_with(parent: int) -> None:
 
 
 def _limited(module: str, name: str, seconds: int, memory: int, processor: int) -> Callable[..., Any]:
-    """Return a function of a module, with limits set for what it does."""
+    """Return a function of a module, with limits set for its call."""
     function: Any = import_module(module)
     for part in name.split("."):
         function = getattr(function, part)

@@ -20,14 +20,14 @@ UNWINDING = 60.0  # s that the way out may take: a library that waits there for 
 
 
 class _Requests:
-    """What signals have requested so far."""
+    """Requests by signals so far."""
 
     to_save = False
     to_stop: Interrupted | None = None
     waits_for_first = False  # another rank saves, and this one goes on for a while so that it can
     is_over = False  # the end of the program is decided
     n_holding = 0  # blocks at work that are not to be broken off
-    parting: str = ""  # what a message on a stop ends with
+    parting: str = ""  # end of the message on a stop
 
 
 class Answer:
@@ -110,14 +110,14 @@ def is_stopping() -> bool:
 
 
 def stop_requested() -> Interrupted | None:
-    """Return what a signal that stops has raised, if any has arrived.  Local."""
+    """Return the exception of a stop signal, if any has arrived.  Local."""
     return _Requests.to_stop
 
 
 def raise_stop() -> None:
-    """Raise what a signal that stops has raised before, if any has arrived.  Local.
+    """Raise again the exception of a stop signal, if any has arrived.  Local.
 
-    A library may have taken it for an error of its own, such as a module that cannot be imported, and gone on.
+    A library may have caught it as one of its errors, such as a failed import, and continued.
     """
     if _Requests.to_stop is not None and not _Requests.n_holding:
         raise _Requests.to_stop
@@ -125,7 +125,7 @@ def raise_stop() -> None:
 
 @contextmanager
 def parting_with(words: str) -> Iterator[None]:
-    """State what the message on a stop within the block ends with.  Local."""
+    """Set the end of the message on a stop within the block.  Local."""
     _Requests.parting, before = words, _Requests.parting
     try:
         yield
@@ -134,7 +134,7 @@ def parting_with(words: str) -> Iterator[None]:
 
 
 def parting_words() -> str:
-    """Return what the message on a stop ends with: where the results are.  Local."""
+    """Return the end of the message on a stop: the place of the results.  Local."""
     return _Requests.parting
 
 
@@ -191,5 +191,5 @@ def _drop_what_nobody_reads() -> None:
 
 
 def drop_output(stream: int) -> None:
-    """Send what is written to a file descriptor from now on nowhere.  Local."""
+    """Discard all further output to a file descriptor.  Local."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream)

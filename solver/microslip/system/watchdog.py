@@ -30,7 +30,7 @@ class _Watch:
 
 
 def watch() -> None:
-    """Begin to watch, in a process that is the program's own.  Local."""
+    """Start the watchdog, in a process of the program itself.  Local."""
     if sys.stderr is None:  # closed by the caller: there is no place for stacks
         return
     _Watch.limit = _stated() if wrong_limit() is None else USUAL
@@ -58,7 +58,7 @@ def _stated() -> float:
 def show_stacks() -> None:
     """Write the stacks of all threads to standard error after a crash, and on SIGUSR2.  Local.
 
-    After PETSc has started: its own answer to a crash, which ends all ranks, then follows the stacks.
+    Called after PETSc's start: its crash handler, which ends all ranks, then follows the stacks.
     """
     if not faulthandler.is_enabled() and sys.stderr is not None:
         with suppress(OSError, AttributeError):  # of a notebook, which has no file there
@@ -74,7 +74,7 @@ def moved() -> None:
 
 @contextmanager
 def unwatched() -> Iterator[None]:
-    """Wait for ranks that have work of their own, and are watched themselves.  Local."""
+    """Suspend the watchdog while other, watched ranks work.  Local."""
     limit, _Watch.limit = _Watch.limit, 0.0
     if limit:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from .table import Direction, NotNegative, Number, Positive, Ratio, Table, Vector
 
-QUANTITIES = ("friction", "preload", "gap", "contact_stiffness", "stiffness", "density", "load")  # what a factor multiplies
+QUANTITIES = ("friction", "preload", "gap", "contact_stiffness", "stiffness", "density", "load")  # quantities with a factor
 
 
 class SectorFactors(Table):

@@ -6,7 +6,7 @@ from .structure import Body, Material, Orientation
 
 
 def section_of(body: Body, material: Material, orientation: Orientation | None) -> SolidSection:
-    """Return what the elements of a body are made of; axes of its material are the model's without an orientation.  Local."""
+    """Return the section of a body's elements; without an orientation its material axes are those of the model.  Local."""
     return SolidSection(
         material=_anisotropic(material, orientation) if material.has_axes else _isotropic(material),
         density=material.density,

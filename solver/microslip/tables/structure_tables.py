@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class StructureTables(Table):
-    """What a structure is made of and what acts on it."""
+    """The tables of a structure and of the loads on it."""
 
     title: str = Field("", description="a text in quotes")
     model: Model = Field(description="a table [model] with mesh, or with stiffness and mass")

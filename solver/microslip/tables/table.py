@@ -103,7 +103,7 @@ class Table(BaseModel):
         """Return the table with some keys changed, unchecked as those of a model file.  Local."""
         made = self.model_copy(update=keys)
         for name in made.__dict__.keys() - type(self).model_fields.keys():
-            del made.__dict__[name]  # what was derived from the keys before
+            del made.__dict__[name]  # derived from the earlier keys
         return made
 
     def in_si(self, units: Units) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Consistent units of model files, and what their quantities are in SI units."""
+"""Consistent units of model files, and the values of their quantities in SI units."""
 
 from dataclasses import dataclass
 from typing import Any

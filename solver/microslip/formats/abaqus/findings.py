@@ -73,7 +73,7 @@ def _keywords(text: str) -> list[str]:
     return [" ".join(word.split()) for word in text.split(",")]
 
 
-# what a step solves; one of these is its procedure
+# procedures of a step
 PROCEDURES = frozenset(
     _keywords(
         """STATIC, FREQUENCY, MODAL DYNAMIC, STEADY STATE DYNAMICS, DYNAMIC, BUCKLE, COMPLEX FREQUENCY, HEAT TRANSFER, VISCO,

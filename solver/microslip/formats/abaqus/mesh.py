@@ -43,7 +43,7 @@ class FileMesh:
         """Return a name as it was written first; upper and lower case are the same.  Local."""
         return self.spelling.setdefault(name.upper(), name)
 
-    # what the file calls nodes, elements, sets
+    # names of nodes, elements, sets in the file
     def find(self, scope: Scope, word: str) -> tuple[Names, str]:
         """Return the scope in which a word of another scope is looked up, and its name there in upper case."""
         word = word.upper()

@@ -26,7 +26,7 @@ class Blocks:
     flat: np.ndarray  # for each element FIELDS numbers (material, type, real constants, ...), then its nodes
     node_components: Mapping[str, np.ndarray] = field(default_factory=dict)
     element_components: Mapping[str, np.ndarray] = field(default_factory=dict)
-    types: Mapping[int, int] = field(default_factory=dict)  # found by the library
+    types: Mapping[int, int] = field(default_factory=dict)  # read by the library
     keys: Mapping[int, Mapping[int, int]] = field(default_factory=dict)
     constants: Mapping[int, list[float]] = field(default_factory=dict)
 

@@ -22,7 +22,7 @@ from ...messages.errors import MeshError
 from ...messages.words import counted, verb
 from ..model import FileModel
 
-# Every part is bounded: the time for a file is proportional to its size, whatever its bytes.
+# Every part is bounded: the time for a file is proportional to its size, for any content.
 _BLANK, _LINE = rb"[ \t\f]{0,150}\r?\n", rb"[^\n]{0,150}\n"
 _PAGE = re.compile(
     rb"^(?:\f?1?%(blank)s(?:%(blank)s){0,3})?"
@@ -42,7 +42,7 @@ def without_pages(read: Callable[[str], FileModel]) -> Callable[[str], FileModel
 
 
 def _read_plain(path: str, read: Callable[[str], FileModel]) -> FileModel:
-    """Return what ``read`` finds in a file without its page headers."""
+    """Return the result of ``read`` on a file without its page headers."""
     with open(path, "rb") as file:
         content = file.read()
     plain, n_pages = _PAGE.subn(b"", content) if b"VERSION=" in content else (content, 0)

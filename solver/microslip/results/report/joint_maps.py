@@ -28,7 +28,7 @@ _QUANTITIES = {  # name in joint_values: heading, unit, palette
 
 
 def map_data(results: ResultFile) -> dict[str, Any]:
-    """Return, for JSON, what the maps show at the peak of each level: of each quantity unit and values of the pairs.  Local."""
+    """Return, for JSON, the quantities of the maps at the peak of each level: unit and values of the pairs.  Local."""
     levels = [(number, level) for number, level in enumerate(results.levels) if len(level.frequency)]
     at_levels = [joint_values(results.joint, level, level.top) for _, level in levels]
     at_rest = rest_values(results.joint)

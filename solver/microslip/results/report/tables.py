@@ -48,7 +48,7 @@ def _percent(share: float, digits: int = 2) -> str:
 
 
 def peaks_table(results: ResultFile) -> str:
-    """Return the peak of every level, of the first output: where, how large, how well known, what the joint does there."""
+    """Return the peak of every level, of the first output: frequency, amplitude, error bar, state of the joint."""
     rows = [_peak_row(results, level) for level in results.levels]
     unit = {"N": "per N", "1": ""}.get(results.level_unit, f"per {escape(results.level_unit)}")
     where = "frequency" if any(row[1] for row in rows) else ""
@@ -83,7 +83,7 @@ def _peak_row(results: ResultFile, level: LevelResult) -> list[str]:
 
 
 def solved_peaks_table(results: ResultFile) -> str:
-    """Return the peaks that were solved for as points of their own; "" where there are none."""
+    """Return the peaks that were solved for as points; "" without any."""
     rows = [
         (
             escape(level_name(level)),
@@ -103,7 +103,7 @@ def solved_peaks_table(results: ResultFile) -> str:
 
 
 def sensitivities_table(results: ResultFile) -> str:
-    """Return what 1 % of each number of a joint, and of the damping, changes the largest amplitude of a level by.
+    """Return the change of a level's largest amplitude by 1 % of each joint parameter, and of the damping.
 
     "" without sensitivities; of the first output.
     """
@@ -210,7 +210,7 @@ def cards(results: ResultFile) -> str:
 
 
 def _shift(results: ResultFile, level: LevelResult, at: int) -> str:
-    """Return how far the peak lies from that of the lowest level."""
+    """Return the shift of the peak from that of the lowest level."""
     low = min((level for level in results.levels if len(level.frequency)), key=lambda level: abs(level.level))
     if low is level:
         return ""

@@ -86,7 +86,7 @@ def stability(scene: Scene) -> list[str]:
 
 
 def sensitivities(scene: Scene) -> list[str]:
-    """Return mistakes: derivatives of what does not vibrate."""
+    """Return mistakes: derivatives of a static solution."""
     if not (scene.response.sensitivities and scene.is_static):
         return []
     return ["[response] sensitivities = true: with harmonics = 0 nothing vibrates; leave sensitivities out"]

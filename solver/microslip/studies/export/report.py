@@ -130,7 +130,7 @@ def _as_mat(values: np.ndarray) -> np.ndarray:
 
 
 def readme(arrays: Mapping[str, Entry], fields: Mapping[str, Entry] | None, note: str, limits: Sequence[str], scene: str) -> str:
-    """Return README.txt: the equation, signs, every array with shape and unit, how to run the scripts, what differs.  Local."""
+    """Return README.txt: the equation, signs, every array with shape and unit, the scripts, differences.  Local."""
     laws = "\n".join(_law(name, kind.exported) for name, kind in LAWS.items() if kind.exported)
     parts = [
         TEXT.format(scene=scene, note=note, laws=laws),

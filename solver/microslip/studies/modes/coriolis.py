@@ -1,4 +1,4 @@
-"""Coriolis forces in the command `modes`: the matrix of a scene, and what its modes become (docs/theory.md, section 12)."""
+"""Coriolis forces in the command `modes`: the matrix of a scene, and its modes with them (docs/theory.md, section 12)."""
 
 from mpi4py import MPI
 

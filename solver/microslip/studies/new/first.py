@@ -1,4 +1,4 @@
-"""What is known of a first scene."""
+"""The data of a first scene."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ MOST_DISTANT = 10  # joints of surfaces with a gap, as comments
 
 @dataclass(frozen=True, kw_only=True)
 class First:
-    """What is known of a first scene."""
+    """The data of a first scene."""
 
     model: str  # path of the model file, from the folder of the scene
     units: str | None  # units of the file; None: irrelevant

@@ -15,7 +15,7 @@ from .report import write_search
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line states in addition to the scene."""
+    """The command's arguments in addition to the scene."""
 
     frequency: float  # Hz
     level: float | None = None  # N; None: the highest of the scene

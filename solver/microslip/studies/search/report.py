@@ -110,7 +110,7 @@ def on_screen(result: Search) -> str:
 
 
 def in_words(result: Search) -> str:
-    """Return the sentence below the table: what was found is not known to be all."""
+    """Return the sentence below the table: there may be further solutions."""
     n, at = len(result.solutions), f"{result.frequency:g} Hz and {result.level:g} {result.level_unit}"
     which = "one solution" if n == 1 else f"{counted(n, 'solution')}"
     more = "with more --starts others may be found" if n > 1 else "no other from these starts; there may be others"

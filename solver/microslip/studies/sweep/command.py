@@ -103,7 +103,7 @@ def _part_name(request: Request) -> str:
 
 
 def in_words(planned: Planned, request: Request) -> str:
-    """Return a line on what a sweep computes."""
+    """Return a line that describes the samples of a sweep."""
     n, n_outside = len(planned.design), sum(sample.status == OUTSIDE for sample in planned.known.values())
     axes = " x ".join(map(str, planned.design.shape))
     kinds = ", ".join(f"{key} ({_WAYS[kind]})" for key, kind in zip(planned.varied.keys, planned.varied.kinds))
@@ -193,7 +193,7 @@ def follow(
 
     Raises
     ------
-    MicroslipError : what ended a group, on the ranks of all groups
+    MicroslipError : the error that ended a group, on the ranks of all groups
     """
     samples: dict[int, Sample] = {}
 

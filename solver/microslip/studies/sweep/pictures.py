@@ -224,7 +224,7 @@ def draw_indices(indices: Sequence[dict], scene: Titled, path: str) -> None:
 
 
 def draw_bands(table: SweepTable, scene: Titled, path: str) -> None:
-    """Draw between which percentiles the curves lie.  Local."""
+    """Draw percentiles of the curves.  Local."""
     assert table.curves is not None, "requested"
     with np.errstate(invalid="ignore"):
         has = np.isfinite(table.curves).any(axis=0)

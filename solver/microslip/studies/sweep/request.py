@@ -21,7 +21,7 @@ _LARGEST_TABLE = 50_000_000  # bytes
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line states in addition to the scene."""
+    """The command's arguments in addition to the scene."""
 
     swept: tuple[str, ...] = ()  # KEY=LIST or KEY=RANGE
     scatter: tuple[str, ...] = ()  # KEY=PERCENT or KEY=PERCENT:DISTRIBUTION

@@ -12,7 +12,7 @@ RESAMPLED = 1000  # times
 
 @dataclass(frozen=True)
 class Effect:
-    """What one number does to the amplitude of the peak, others unchanged."""
+    """The effect of one number on the amplitude of the peak, others unchanged."""
 
     key: str
     ends: tuple[float, float]  # of the number: its least and largest, or of samples their percentiles 5 and 95

@@ -65,7 +65,7 @@ def on_screen(history: WearHistory) -> str:
 
 
 def in_words(history: WearHistory) -> list[str]:
-    """Return lines on what wear has done to the response and to each joint."""
+    """Return lines on the effect of wear on the response and on each joint."""
     if len(history.cycles) < 2:
         return []
     rows, n = history.records(), len(history.cycles) - 1
