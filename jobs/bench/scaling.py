@@ -74,8 +74,10 @@ def tables(sizes: dict[str, dict[int, Stages]]) -> dict[str, list[str]]:
         titles = ("stage, times and memory", *ranks, "times as fast", *(f"MiB, {n}" for n in ranks))
         made[f"{size}-measured"] = table(titles, cells)
         sums = [sum(run[name][0] for name in run if name != POINT) for run in runs.values()]
-        rows += [[f"set-up of {size}", *gain(sums)], [f"a point of {size}", *gain([run[POINT][0] for run in runs.values()])]]
-        made["summary"] = table(("what, times", *ranks, "times as fast"), rows)
+        points, target = [run[POINT][0] for run in runs.values()], max(runs) / min(runs)
+        for what, times in (f"set-up of {size}", sums), (f"a point of {size}", points):
+            rows.append([what, f"{target:g}", *gain(times), f"{target * times[-1] / times[0]:.2f}"])
+        made["summary"] = table(("what", "target, speed-up", *ranks, "speed-up", "ratio"), rows)
     return made
 
 

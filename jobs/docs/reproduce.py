@@ -226,12 +226,12 @@ def compared_rows(page: Table, name: str, row: list[str], other: list[str], pair
 def kind_of(name: str, page: Table, i: int, cell: str) -> str:
     """Return the class of the numbers of a cell in column i of a row of this name.
 
-    A column "ratio" has ratios of times if the column before it is of the machine.
+    A column "ratio" has ratios of times if the column before it is of the machine or has such ratios.
     """
-    column = plain(page.header[i])
+    column, before = plain(page.header[i]), plain(page.header[i - 1])
     if A_RATIO.search(column) or A_RATIO.search(name) or FACTOR.search(plain(cell)):
         return RATIO
-    if column == "ratio" and OF_THE_MACHINE.search(plain(page.header[i - 1])):
+    if column == "ratio" and (OF_THE_MACHINE.search(before) or A_RATIO.search(before)):
         return RATIO
     return MACHINE if OF_THE_MACHINE.search(column) or OF_THE_MACHINE.search(name) else MODEL
 

@@ -35,7 +35,7 @@ COLUMNS = (
     Column("friction_J", "friction loss, a cycle"),
     Column("input_J", "work of the loads, a cycle"),
     Column("error_m", "error bar of the amplitude; empty without `error_bars`"),
-    Column("unit_of_output", "unit of the output: that of its amplitude and error bar, whatever their columns are called"),
+    Column("unit_of_output", "unit of the output: that of its amplitude and error bar, also if their columns end in `_m`"),
 )
 
 

@@ -35,7 +35,7 @@ COLUMNS = (
     Column("d_phase_rad", "of the phase"),
     Column("d_frequency_Hz", "of the frequency of a peak; empty of a point"),
     Column("relative", "change of the amplitude in per cent with 1 % of the value"),
-    Column("unit_of_output", "unit of the output: that of its amplitude, whatever the column is called"),
+    Column("unit_of_output", "unit of the output: that of its amplitude, also if the column ends in `_m`"),
 )
 
 

@@ -23,7 +23,7 @@ COLUMNS = (
     *_FIRST.columns,
     Column("output", "name of the output"),
     *(column for quantity in _REST for column in quantity.columns),
-    Column("unit", "unit of the output: that of its amplitude, mean and error bar, whatever their columns are called"),
+    Column("unit", "unit of the output: that of its amplitude, mean and error bar, also if their columns end in `_m`"),
     *(column for quantity in _AFTER_UNIT for column in quantity.columns),
 )
 NAME = "frf.csv"
