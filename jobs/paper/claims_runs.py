@@ -223,7 +223,7 @@ class Trials:
         return self._curves[method, points]
 
     def own(self, requested: Sequence[int]) -> list[Own]:
-        """Return the peaks of curves with each method's own steps, for some numbers of points, over the finest."""
+        """Return the peaks of curves with each method's own steps, over the finest reference, for some numbers of points."""
         curves = {n: {method: self.curve(method, n) for method in (REFERENCE, ORIGINAL, IMPROVED)} for n in requested}
         tops = {n: {method: self.highest(curve) for method, curve in of.items()} for n, of in curves.items()}
         true = tops[max(requested)][REFERENCE]

@@ -27,7 +27,7 @@ def _may_cut_files() -> bool:
 
 
 if _may_cut_files():
-    sys.dont_write_bytecode = True  # Python would keep a compiled module that is cut, and fail with it at every further start
+    sys.dont_write_bytecode = True  # a truncated compiled module would make every further start fail
 
 from .system.blas import name_kernels
 from .version import __version__ as __version__

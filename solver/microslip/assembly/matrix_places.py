@@ -82,7 +82,7 @@ class Places:
         return find_node(self.mesh, position=entry.position, node=entry.node, group=group, where=where)
 
     def _row(self, nodes: np.ndarray, values: np.ndarray, where: str, file: Path | None = None) -> sp.csr_matrix:
-        """Return values (n, 3) on nodes as a row over the matrices' rows; CaseError where none of them is there."""
+        """Return values (n, 3) on nodes as a row over the matrices' rows; CaseError if none of them exists."""
         column, value = self.dof[nodes].ravel(), values.ravel()
         is_entry = (column >= 0) & (value != 0.0)
         if value.any() and not is_entry.any():

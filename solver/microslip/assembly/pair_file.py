@@ -30,7 +30,7 @@ def read_pairs(path: Path, n_dof: int, law: str = ELASTIC_COULOMB) -> np.ndarray
 
 
 def _check_pair(pair: dict[str, float], n_dof: int, where: str) -> None:
-    """Raise CaseError unless the pair joins DOFs that are there, by a contact that can carry something."""
+    """Raise CaseError unless the pair joins existing DOFs, by a contact that can carry a force."""
     for name in COLUMNS[:6]:
         dof = pair[name]
         if dof != int(dof) or not GROUND <= dof < n_dof:

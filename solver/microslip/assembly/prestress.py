@@ -157,8 +157,8 @@ def stiffness_at_rest(
     """Return the system with K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m].
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  K_F takes the place of K where the deformed shape counts.
-    ``above_cuts`` gives what some elements see beyond that of their nodes (above the cuts of
-    bolts), of a block, its number and rows: (n_elements, n, 3) [m].
+    ``above_cuts`` gives the displacement of some elements in addition to that of their nodes (above
+    the cuts of bolts), from a block, its number and rows: (n_elements, n, 3) [m].
     """
     moved = moved_at_nodes(dmesh, system)
     u = displacement_at_nodes(dmesh, system, u_owned) + (0.0 if moved is None else moved)
@@ -262,6 +262,6 @@ def by_rank(dmesh: DistributedMesh, system: System) -> np.ndarray:
 
 
 def add_to_nodes(total: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> None:
-    """Add values (..., 3) to the rows ``nodes`` (...) that are there."""
+    """Add values (..., 3) to the rows ``nodes`` (...) that exist."""
     mine = (nodes >= 0) & (nodes < len(total))
     np.add.at(total, nodes[mine], values[mine])

@@ -29,7 +29,7 @@ class Overlap:
     of_elements: tuple[np.ndarray, ...]  # for each block (n_elements,): the bolt above whose cut the element is, or -1
 
     def motions_of(self, block: LocalBlock, i: int, rows, shortening: np.ndarray) -> np.ndarray:
-        """Return -n delta where some elements of block i see it, (n_elements, n, 3) [m]; ``shortening`` (n_bolts,) [m].
+        """Return -n delta of some elements of block i, (n_elements, n, 3) [m]; ``shortening`` (n_bolts,) [m].
 
         Local.  docs/theory.md, eq. (12.6).
         """

@@ -1,7 +1,7 @@
 """Complex matrices and vectors as real ones of twice the size, for PETSc, SLEPc and MUMPS with real numbers.
 
 Row j of a complex vector becomes the rows 2 j (real part) and 2 j + 1 (imaginary part), an entry a + i b of a matrix the block
-[[a, -b], [b, a]].  A Hermitian matrix becomes a symmetric one, in which each eigenvalue is there twice: z and i z are two
+[[a, -b], [b, a]].  A Hermitian matrix becomes a symmetric one, in which each eigenvalue appears twice: z and i z are two
 vectors.  The rows of a part of the structure stay together, so that the graph is that of two sectors in a ring.
 """
 

@@ -51,7 +51,7 @@ class System:
     """
 
     comm: MPI.Comm
-    K: PETSc.Mat  # (n_dof, n_dof) N/m, without the joint springs; null where it was let go
+    K: PETSc.Mat  # (n_dof, n_dof) N/m, without the joint springs; null if it was freed
     M: PETSc.Mat  # (n_dof, n_dof) kg
     C: PETSc.Mat | None  # N s/m, where the user gives one or has dampers; otherwise damping is modal
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u

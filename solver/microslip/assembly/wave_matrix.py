@@ -83,7 +83,7 @@ _LIVING: list[weakref.ref[PETSc.Mat]] = []  # all of this type
 
 @atexit.register
 def _free_at_exit() -> None:
-    """Free matrices of this type that nobody closed: PETSc frees them after Python has ended, and crashes in their context."""
+    """Free matrices of this type that were not closed: PETSc would free them after Python's end, and crash in their context."""
     if _LIVING and not is_stopping():
         free(*(matrix for matrix in (there() for there in _LIVING) if matrix is not None))
         PETSc.garbage_cleanup()
@@ -165,13 +165,13 @@ class WaveMatrix:
         return product if self._added is None else product + self._added_owned @ self._of_all(X_owned)
 
     def _of_all(self, X_owned: np.ndarray) -> np.ndarray:
-        """Return the rows of X that B sees, of all ranks.  Collective: a sum."""
+        """Return the rows of X in which B has entries, of all ranks.  Collective: a sum."""
         rows: np.ndarray = np.zeros((len(self._seen), X_owned.shape[1]), dtype=X_owned.dtype)
         rows[self._seen_owned] = X_owned[self._places]
         return self.comm.allreduce(rows)
 
     def of_added(self, X_owned: np.ndarray) -> tuple[sp.csr_matrix, np.ndarray] | None:
-        """Return B and X (n, m) on the rows that B sees, real or in real form, the same on every rank; None: no B.
+        """Return B and X (n, m) on the rows in which B has entries, real or in real form, the same on every rank; None: no B.
 
         Collective: a sum.
         """

@@ -77,7 +77,7 @@ class Memory:
         return replace(self, calm={**self.calm, part: 0}, patience={**self.patience, part: patience})
 
     def after_raising(self, ratio: float = np.inf) -> Memory:
-        """Return the memory after harmonics were raised, now with this ratio, or in vain: Newton's method failed.  Local.
+        """Return the memory after harmonics were raised, now with this ratio, or without success: Newton's method failed.  Local.
 
         Where the mean slip is nearly free, the bar stays large with any number of harmonics, and only the cost grows.
         """

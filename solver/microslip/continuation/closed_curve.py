@@ -8,7 +8,7 @@ import numpy as np
 
 from ..points.branch import Point
 
-ROUNDS, AGAIN = 3, 5  # points in a row on the steps of so many earlier rounds: one alone may be left at the next corner
+ROUNDS, AGAIN = 3, 5  # points in a row on the steps of this number of earlier rounds: a single point may leave at the next corner
 NEAR = 0.3  # of an earlier step: distance from it
 
 

@@ -30,7 +30,7 @@ class Scaling:
 class Place:
     """Where constraints are evaluated: a motion, scaled parameters of either sign, and the linearisation there."""
 
-    operating_point: Callable[[tuple[float, ...]], OperatingPoint]  # that k parameters stand for
+    operating_point: Callable[[tuple[float, ...]], OperatingPoint]  # of k parameters
     scaling: Scaling
     U: np.ndarray  # (n_owned, 3, N_H) m
     nu: np.ndarray  # (k,) the same on all ranks

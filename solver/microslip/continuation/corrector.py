@@ -1,6 +1,6 @@
 """The corrector: SNES on the harmonic-balance rows and one constraint row for each parameter (docs/theory.md, section 7).
 
-Unknowns are scaled: xi = U / |U| of the last point, nu = parameters / their scales.  The motion lives with its pairs, the
+Unknowns are scaled: xi = U / |U| of the last point, nu = parameters / their scales.  Each rank has the motion of its pairs, the
 parameters and their rows on the last rank.  SNES is an adapter: residual and linearisation are those of ``harmonic/``.
 """
 
@@ -25,13 +25,13 @@ from .constraint_rows import Constraint, Place, Scaling
 from .iterate import Iterate
 from .problems import Problem
 
-PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations leave more than this share of the residual
+PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton stops if this number of iterations leaves more than this share of the residual
 MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
 SHARP = 5.0  # tolerances: allowed error of the motion of a point, by its last Newton step
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
 EXACT = 10.0  # tolerances of GMRES: up to this residual of a Newton system single precision is not the cause of a failure
-POOR, ROUNDS = 0.2, 4  # of the residual left by a Newton step, beyond which the rows of few pairs are solved by themselves
+POOR, ROUNDS = 0.2, 4  # of the residual left by a Newton step, beyond which the rows of a few pairs are solved separately
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
 
@@ -41,7 +41,7 @@ def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: flo
 
     A residual r [m] in a spring k is a force k r.  Where k |U| is far above the contact forces, in a joint much stiffer than
     what moves it, |r| <= tolerance |U| alone would leave them without a digit.  With w = k |U| / (SOFT |f_nl|), where that is
-    above 1, w |r| <= tolerance |U| keeps k |r| below SOFT tolerance |f_nl|, as far as rounding lets it.
+    above 1, w |r| <= tolerance |U| keeps k |r| below SOFT tolerance |f_nl|, within rounding.
 
     Parameters
     ----------
@@ -417,7 +417,7 @@ class Corrector:
     def _multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Apply the Jacobian in scaled unknowns.  Collective: one gather.
 
-        The line search asks for the product with the step that was solved for last, which is known; with few pairs solved for
+        The line search requests the product with the last step, which is known; with few pairs solved for
         in addition, it takes the slope of the Newton step.
         """
         values, at = x.getArray(readonly=True), self._newton

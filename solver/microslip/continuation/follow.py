@@ -316,7 +316,7 @@ def follow_branch(
 ) -> Branch:
     """Follow a branch to the end of its range, or ``until`` a point, from its last checkpoint if there is one.  Collective.
 
-    A branch that cannot be continued keeps its points, with the reason in ``failure``; nothing is raised.  ``on_point`` gets the
+    A branch that cannot be continued has its points and the reason in ``failure``; no error is raised.  ``on_point`` gets the
     points of a step when the ``checkpointer`` has saved or postponed them.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """

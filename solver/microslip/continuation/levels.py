@@ -172,7 +172,7 @@ def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point:
         solution = Correction(there, 0, 0, 0.0, None), equation.every_pair
         point, _ = point_record(problem, AllPairs(), solution, omega in sweep.at, task.estimator)
         point = with_stability(problem, there, point) if task.has_stability else point
-        if task.has_sensitivities:  # without pairs there is nothing to solve
+        if task.has_sensitivities:  # without pairs no solve is needed
             point = with_sensitivities(problem, solution, point, exact_adjoints(equation))
         now = time.perf_counter()
         point, clock = replace(point, seconds=now - clock), now

@@ -249,7 +249,7 @@ def peak_about(
 
     If the search fails, the point of the top; None if only a slope shows the top and no higher solution is reached.
 
-    With the harmonics and samples of the point, and its mean slip held if it is there.
+    With the harmonics and samples of the point; its mean slip is regularised if it was at the point.
     """
     output, point = top.output, branch.points[top.point]
     harmonics = harmonics_of(branch, point, problem.equation.harmonics)

@@ -130,7 +130,7 @@ class PointSolver:
         return replace(self, problem=self.problem.with_equation(equation), tolerance=resolution.tolerance)
 
     def holding(self, mean: np.ndarray | None) -> PointSolver:
-        """Return the solver with the mean slip held about a ``mean`` of p_t (n_owned, 2) [N], or free.  Local."""
+        """Return the solver with the mean slip regularised about a ``mean`` of p_t (n_owned, 2) [N], or free.  Local."""
         return replace(self, problem=self.problem.with_equation(self.equation.holding(mean)))
 
     @property

@@ -11,7 +11,7 @@ from .point_solver import PointSolver
 
 @dataclass(frozen=True, eq=False)
 class BranchState:
-    """How the next point is solved for, and the last points, from which the next step goes on; none before the first."""
+    """The solver of the next point, and the last points, from which the next step starts; none before the first."""
 
     solver: PointSolver  # its resolution, hold and whether all points so far are linear; its workspace is no part of the state
     memory: Memory  # of the accuracy

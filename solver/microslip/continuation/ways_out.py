@@ -111,7 +111,7 @@ def ways_on(stuck: Stuck) -> Iterator[WayOn]:
 
 
 def with_mean_slip_of_known(stuck: Stuck) -> Iterator[WayOn]:
-    """Solve a maximum from a known motion in which most pairs slip, with its mean slip held.  Collective."""
+    """Solve a maximum from a known motion in which most pairs slip, with its mean slip regularised.  Collective."""
     solver = stuck.solver
     known, every = solver.on_curve(solver.sweep.start), solver.equation.every_pair
     state = solver.equation_at(known).contact_forces(known.U, every, tangents=False).state
@@ -284,7 +284,7 @@ def mean_slip_ahead(stuck: Stuck) -> Iterator[WayOn]:
 def left(solver: PointSolver, before: PointState, now: PointState, there: Iterate, ds: float, may_turn: bool = False) -> bool:
     """Return whether a step left the branch or fell back on it: by a turn of more than 90 degrees or another length.
 
-    A step that was shortened before a resonance ``may_turn`` off the last chord if the parameter goes on.
+    A step that was shortened before a resonance ``may_turn`` away from the last chord if the parameter still advances.
     """
     here = now.iterate.parameter
     is_same_direction = (there.parameter - here) * (here - before.iterate.parameter) > 0.0

@@ -21,10 +21,10 @@ Follow = Callable[["BranchTask", "BranchState"], list[Point] | None]  # collecti
 
 
 def widened(task: BranchTask, shorter: Narrower, workspace: Workspace, follow: Follow) -> Restored | None:
-    """Return the state at the end of a shorter range and all points up to there; None where the branch cannot be taken over.
+    """Return the state at the end of a shorter range and all points up to there; None if the branch cannot be used.
 
-    Collective.  It cannot where the wider range asks for points within the shorter one, or where what is followed from the new
-    start arrives at another solution.
+    Collective.  It cannot if the wider range requests points within the shorter one, or if the part from the new start
+    arrives at another solution.
     """
     sweep, state, points = shorter
     if not set(task.sweep.requested_between(sweep.start, sweep.stop)) <= {point.omega for point in points if point.requested}:

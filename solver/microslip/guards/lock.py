@@ -74,7 +74,7 @@ class Lock:
             ) from problem
 
     def _touch(self) -> None:
-        """Touch the file regularly while this process runs, as far as its libraries let a thread run."""
+        """Touch the file regularly while this process runs, whenever its libraries let a thread run."""
         while not self._ends.wait(TOUCHED_EVERY):
             with suppress(OSError):
                 os.utime(self._handle)

@@ -133,7 +133,7 @@ def _is_reported() -> bool:
 
 
 def _n_ranks() -> int:
-    """Return the number of ranks, as far as MPI runs.  Local, in any thread."""
+    """Return the number of ranks, 1 unless MPI runs.  Local, in any thread."""
     with suppress(ImportError):
         from mpi4py import MPI
 

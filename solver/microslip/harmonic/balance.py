@@ -78,7 +78,7 @@ class HarmonicBalance:
         return replace(self, model=model)
 
     def holding(self, mean: np.ndarray | None) -> HarmonicBalance:
-        """Return the same equation with the mean slip held about the ``mean`` of p_t (n_owned, 2) [N], or free.  Local."""
+        """Return the same equation with the mean slip regularised about a ``mean`` of p_t (n_owned, 2) [N], or free.  Local."""
         return replace(self, held=mean)
 
     # -- forces --------------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ class HarmonicBalance:
     def _cycle(self, U: np.ndarray, chosen: np.ndarray, tangents: bool) -> ContactCycle:
         """Return the cycle of some of this rank's pairs, cached for the last motion and therefore read-only.  Local.
 
-        Newton's method evaluates the cycle twice, for the residual and its derivative, and the record of a point once more.
+        Newton's method evaluates the cycle twice, for the residual and its derivative, and the record of a point a third time.
         """
         key = U.tobytes(), chosen.tobytes()
         known, cycle = self._known.get("cycle", (None, None))

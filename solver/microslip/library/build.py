@@ -228,7 +228,7 @@ def _note_factor(parts: Assembled, linearised: Linearised, log: RunLog, of: str 
 
 
 def _note_once(log: RunLog, text: str) -> None:
-    """Log a line unless it is there, as of another nodal diameter.  Local."""
+    """Log a line unless another nodal diameter has logged it.  Local."""
     if text not in log.notes:
         log.note(text)
 

@@ -37,7 +37,7 @@ class Identified:
     units: tuple[str, ...]
     start: np.ndarray  # (k,) values of the scene
     values: np.ndarray  # (k,)
-    low: np.ndarray  # (k,) 95 % confidence interval; of a number that the data do not see its bounds
+    low: np.ndarray  # (k,) 95 % confidence interval; for a number that does not affect the data, its bounds
     high: np.ndarray  # (k,)
     correlation: np.ndarray  # (k, k)
     unseen: tuple[str, ...]  # on which the data do not depend, within their noise, from bound to bound
@@ -53,7 +53,7 @@ class Identified:
     evaluations: int
     outcome: str  # of the least squares
     is_converged: bool  # otherwise the last values are no least squares, and their intervals mean nothing
-    scene: Any = field(repr=False)  # with the values put in, as far as it states them as single numbers
+    scene: Any = field(repr=False)  # with the fitted values, where it states single numbers
     factors: Mapping[str, float] = field(default_factory=dict)  # numbers that it does not: times the values of files or laws
 
     def __getitem__(self, key: str) -> float:
@@ -134,7 +134,7 @@ def _rows_of(scene: Any, measured: Any) -> Measured:
 
 @dataclass(frozen=True, eq=False)
 class _Spread:
-    """How far residuals and fitted numbers spread; k numbers are seen."""
+    """Deviations of residuals and fitted numbers; k numbers affect the data."""
 
     is_seen: np.ndarray  # (n_numbers,) bool
     n_determined: int  # combinations of numbers that the data determine

@@ -51,7 +51,7 @@ from .varied import Varied, as_keys, load_factors, of_joints
 DONE, FAILED, OUTSIDE, MISSING = "done", "failed", "outside", "missing"
 NEIGHBOURS = 3  # samples, in addition to one for each number and the scene, from which a motion is interpolated
 MOST_BETWEEN = 12  # peaks tried on the way from the nearest sample to one that Newton's method does not reach
-MOST_WEIGHT = 3.0  # sum of the sizes of their weights, beyond which the nearest one alone is taken
+MOST_WEIGHT = 3.0  # sum of the sizes of their weights, beyond which only the nearest is used
 CURVE_POINTS = 201  # frequencies of the curves of samples
 UNKNOWN_WIDTH = 0.02  # of a peak over its frequency, where none of the linear response is in the range
 BAR_NOTED = 2.0  # times a stated accuracy, from which the error bar of a peak is noted
@@ -601,7 +601,7 @@ def _mean(weights: np.ndarray, motions: list[Iterate]) -> Iterate:
 
 
 def _side(weights: np.ndarray, around: list[Starts], k: int) -> Iterate | None:
-    """Return the weighted mean of the motions at one end of the width; None where one of them is not known."""
+    """Return the weighted mean of the motions at one end of the width; None if one of them is not known."""
     motions = [each[k] for each in around]
     known = [there for there in motions if there is not None]
     return _mean(weights, known) if len(known) == len(motions) else None

@@ -105,7 +105,7 @@ def search(
     ----------
     at : frequency [Hz], in the range of [response]
     level : the highest of the scene if None
-    starts : Newton's method by deflation begins from so many motions
+    starts : number of motions from which Newton's method with deflation begins
     seed : of the random ones
     follow : whether the curve is followed from each solution that is not on the curve of the level
     keys : as those of :func:`respond`, but levels and at

@@ -48,8 +48,8 @@ def saved_size(mumps: Reports) -> float:
 def scaled_memory(mumps: Reports, n_dof_each: int, entries_owned: int) -> FactorMemory:
     """Return the memory of a factor on this rank from the analysed graph of its nodes, of ``n_dof_each`` unknowns each.  Local.
 
-    Fronts have as many times the rows, and so the square of it of entries; to them come the entries of the matrix itself, half of
-    ``entries_owned`` with their places.
+    Fronts have ``n_dof_each`` times the rows and the square of that the entries.  The entries of the matrix are added, half of
+    ``entries_owned`` with their indices.
     """
     size = 8.0 * n_dof_each**2
     of_matrix = _BYTES_AN_ENTRY * entries_owned / 2.0

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_each
 
-VARIABLE = "MICROSLIP_MUMPS"  # "bridge" or "petsc"; not set: the bridge where it is there
+VARIABLE = "MICROSLIP_MUMPS"  # "bridge" or "petsc"; not set: the bridge if available
 _CHOICES = ("bridge", "petsc")
 _LARGEST = 2**31 - 1  # of MUMPS' integers
 

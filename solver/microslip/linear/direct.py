@@ -23,7 +23,7 @@ class DirectSolver(Protocol):
         """Return this rank's rows of A^-1 B, (n_owned, m), column-major; B is its rows, or sparse (n_dof, m), the same on all."""
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
-        """Return entries of A^-1 in rising rows and columns on rank 0, (0, 0) elsewhere; None where they are not to be had."""
+        """Return entries of A^-1 in rising rows and columns on rank 0, (0, 0) elsewhere; None if they are not available."""
 
     def destroy(self) -> None:
         """Free the factor."""

@@ -88,11 +88,11 @@ class Factor:
         A : flagged as symmetric positive definite
         system : names the parts of the structure: ``comm``, ``parts``, ``part_names``, ``dof``; or None
         what : name of A in messages
-        last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
+        last : (m,) rows that are eliminated last, for fast entries of A^-1 between them
         later : returns the bytes that this rank needs in addition to the factor, from the size of the factor
         cache : a factor stored by an earlier run, which passed all tests
         M : mass matrix, with which the whole structure may be free; None: it may not
-        direct : returns factor and report where these are not those of A by itself: of a nodal diameter
+        direct : returns factor and report if these are not of A alone: of a nodal diameter
 
         Raises
         ------
@@ -120,7 +120,7 @@ class Factor:
         self.info["messages"] = (*(cache.messages if cache is not None else ()), *self.info["messages"])
 
     def _factorise(self, last: np.ndarray | None, later: Callable[[FactorMemory], float] | None) -> bool:
-        """Factor A, with springs where it has rigid-body modes; return whether that can be had.  Collective."""
+        """Factor A, with springs where it has rigid-body modes; return whether it has a factor.  Collective."""
 
         def factorised(A: PETSc.Mat) -> DirectSolver:
             made = self._direct or partial(factorise, A, PREFIX, self.what, elimination=Elimination(last), later=later)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FREE = 1e-14  # z^T A z / z^T D z of a motion that counts as free; rounding leaves up to 1e-15
 _SHIFT = 1e-9  # of D, added to A to make it invertible
-_N_TRIED = 3, 2  # random motions, real and complex, of which one may have next to nothing of the free one
+_N_TRIED = 3, 2  # random motions, real and complex, as one may contain almost nothing of the free motion
 _N_SOUGHT = 12  # two bodies without any support
 _ROUNDS = 4
 _HELD = 1e-3  # squared share of a free motion below which a part does not take part in it
@@ -190,8 +190,8 @@ def _moving_together(shares: list[np.ndarray]) -> list[list[int]]:
 def _how(comm: MPI.Comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, n_motions: int, system: System | None) -> str:
     """Return the free motions of a group of parts in words: which translations lie in the span of Z, and how many rotations.
 
-    Collective.  ``weight`` (n_owned,) is D on the group and 0 elsewhere.  Without a mesh, the row that moves most is all
-    there is.
+    Collective.  ``weight`` (n_owned,) is D on the group and 0 elsewhere.  Without a mesh, only the row that moves most is
+    named.
     """
     dof = getattr(system, "dof", None)
     if dof is None:
@@ -228,7 +228,7 @@ def _ways(n: int) -> str:
 
 
 def _random(comm: MPI.Comm, n_owned: int, m: int) -> np.ndarray:
-    """Return (n_owned, m) random numbers, other ones on each rank, the same in each run.  Local."""
+    """Return (n_owned, m) random numbers, different on each rank, the same in each run.  Local."""
     return np.asfortranarray(np.random.default_rng([comm.rank, m]).standard_normal((n_owned, m)))
 
 

@@ -31,7 +31,7 @@ ANALYSED = (14.0, 28.0)  # the half of it that is passed to MUMPS, and its graph
 class Linearised:
     """The stuck structure, ``M u'' + C u' + K_L u + R^T p = f_ex``, rows split as in ``system``: docs/theory.md, eq. (1.4).
 
-    Of complex matrices all of it is in real form, but for ``maps``.
+    Complex matrices are all in real form, except ``maps``.
     """
 
     system: System
@@ -50,7 +50,7 @@ class Linearised:
         self.system.K.destroy()
 
     def bring_K_back(self) -> None:
-        """Find ``system.K`` again, where it was let go, as K_L - R^T K_J R.  Collective where it was."""
+        """Compute ``system.K`` again, if it was freed, as K_L - R^T K_J R.  Collective if it was."""
         if not self.system.K:
             assert self.springs is not None, "K_L as linearise() makes it"
             self.K_L.copy(result=self.system.K)

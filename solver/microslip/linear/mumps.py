@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ._mumps import Instance
     from .analysis import FactorMemory, Reports
 
-_SCHUR, _ON_DISK = 19, 22  # ICNTL: 1: on rank 0; 1: so
+_SCHUR, _ON_DISK = 19, 22  # ICNTL: 1: S on rank 0; 1: factor on disk
 _REDUCES, _EXPANDS = 1, 2  # ICNTL(26): half a solve
 _SIDES, _SPARSE, _DISTRIBUTED = 20, 1, 10  # ICNTL, and kinds of right-hand sides
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
@@ -104,7 +104,7 @@ class MumpsFactor:
         """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
 
         Collective.  B is this rank's rows, or sparse (n_dof, m) and the same on every rank: MUMPS then skips the branches of its
-        elimination tree that B does not touch.  All columns go together: of 16, one costs a tenth of a single solve.
+        elimination tree that B does not touch.  All columns are solved together: one of 16 costs a tenth of a single solve.
 
         Raises
         ------
@@ -197,7 +197,7 @@ def factorise(
     """Factor A, symmetric and positive definite, without pivoting, or find the signs of the pivots of A - sigma M.
 
     Collective on A's communicator.  The memory it takes is known after the analysis: a factor too large for it, or for what comes
-    later, is written to disk, where one has room; one that is too large by itself is refused otherwise.
+    later, is written to disk, if a disk has room; otherwise one that is too large alone is refused.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def factorise(
     give_back()
     try:
         info = _factored(factor, what, later or (lambda _: 0.0))
-    except MicroslipError:  # on every rank; of another error they may not know, and freeing waits for them
+    except MicroslipError:  # on every rank; of another error other ranks may not know, and freeing waits for them
         factor.destroy()
         raise
     factor.mumps.drop()
@@ -330,8 +330,8 @@ def _started(A: PETSc.Mat, prefix: str, sym: int) -> MumpsFactor:
     if mumps.version != _mumps.BUILT_FOR:  # it is not used any more
         raise CaseError(
             f"microslip was built for MUMPS {_mumps.BUILT_FOR}, and PETSc has another; install it again: pip install "
-            "--force-reinstall --no-deps . in the folder of microslip's setup.py, or let "
-            f"{VARIABLE}=petsc in the environment do without"
+            "--force-reinstall --no-deps . in the folder of microslip's setup.py, or set "
+            f"{VARIABLE}=petsc in the environment"
         )
     return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix)
 

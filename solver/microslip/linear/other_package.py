@@ -25,7 +25,7 @@ from .dense import wrap
 from .mumps import ADVICE, RELAXATION, RHS_BLOCK, SINGULAR, WORKSPACE_TOO_SMALL, failure, report
 
 _OURS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
-_SINGULAR = -10  # as MUMPS has it
+_SINGULAR = -10  # as in MUMPS
 _ZERO_PIVOT = (71, 81)  # errors of PETSc
 _WORKSPACE, _ON_DISK, _MOST_MEMORY = 14, 22, 23  # ICNTL
 CONTROLS = ((27, RHS_BLOCK),)
@@ -90,7 +90,7 @@ def factorise(
     if not is_requested(prefix) and PETSc.Options(prefix).getInt(f"mat_mumps_icntl_{_ON_DISK}", 0) == 1:
         raise CaseError(
             f"-{prefix}mat_mumps_icntl_{_ON_DISK} 1: factors on disk need the bridge to MUMPS, which is not in use (microslip "
-            f"doctor shows the reason); install MUMPS' headers and microslip again, or let {VARIABLE} go"
+            f"doctor shows the reason); install MUMPS' headers and microslip again, or unset {VARIABLE}"
         )
     matrix = A if shift is None else _shifted(A, *shift)
     memory = None if is_requested(prefix) else foreseen(matrix, prefix)
@@ -131,7 +131,7 @@ def foreseen(A: PETSc.Mat, prefix: str) -> FactorMemory | None:
 def analyse(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
     """Return a KSP in which MUMPS has analysed a matrix.  Collective.
 
-    petsc4py has no call for the analysis alone: a limit of 1 MB ends the factorisation that follows before it takes memory.
+    petsc4py has no call for the analysis alone: a limit of 1 MB ends the following factorisation before it allocates memory.
     """
     ksp = _chosen(A, prefix)
     ksp.getPC().setFactorSetUpSolverType()

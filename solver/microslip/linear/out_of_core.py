@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 VARIABLE = "MUMPS_OOC_TMPDIR"  # names another folder
 PREFIX = "microslip_factor_"  # prefix of the folders with one rank's part of a factor
 _OUT_OF_CORE = 22  # ICNTL
-_IN_MEMORY = ("tmpfs", "ramfs", "rootfs")  # file systems that are no disk
+_IN_MEMORY = ("tmpfs", "ramfs", "rootfs")  # file systems in memory
 _MARGIN = 1.2  # of the estimate, for the memory that MUMPS adds during factorisation
 
 
 def room_on_disk(comm: MPI.Comm, memory: FactorMemory) -> str | None:
     """Return the folder to which each rank may write its part of a factor; None, on every rank, if one has no room.
 
-    Collective on ``comm``.  Ranks of one machine are taken to share a disk.
+    Collective on ``comm``.  Ranks of one machine are assumed to share a disk.
     """
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
     needed = _MARGIN * here.allreduce(memory.on_disk)
@@ -48,7 +48,7 @@ def usual_folder() -> str:
 def write_to_disk(comm: MPI.Comm, mumps: Instance, folder: str) -> None:
     """Store an analysed factor on disk by MUMPS, in a new folder within ``folder``.  Collective on ``comm``.
 
-    The folder goes when the factor is freed, or else when the program ends, however it does but by being killed.
+    The folder is removed when the factor is freed, or at the end of the program, unless that is killed.
     """
     on_each(comm, _take_folder, mumps, folder)
     mumps.set_icntl(_OUT_OF_CORE, 1)

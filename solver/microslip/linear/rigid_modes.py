@@ -124,7 +124,7 @@ class InertiaRelief:
 
     Parameters
     ----------
-    factorise : returns the factor of a matrix, which takes the place of A's for that long
+    factorise : returns the factor of a matrix that meanwhile replaces A
     """
 
     def __init__(self, rigid: RigidModes, A: PETSc.Mat, factorise: Callable[[PETSc.Mat], DirectSolver]):
@@ -188,7 +188,7 @@ class InertiaRelief:
         return np.asfortranarray(self.rigid.elastic(X_owned))
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
-        """Return entries of K_L^+ in rising rows and columns on rank 0, (0, 0) elsewhere; None where they are not to be had."""
+        """Return entries of K_L^+ in rising rows and columns on rank 0, (0, 0) elsewhere; None if they are not available."""
         entries, n = self.solver.inverse_entries(rows, columns), self.rigid.n
         if entries is None:
             return None

@@ -246,7 +246,7 @@ class SectorFactor:
         return (right[:n_j].T @ (left[:, :n_j] @ self._of_joint[0]).T).T
 
     def carried_by_faces(self, forces: sp.csc_matrix) -> np.ndarray:
-        """Return the forces on the faces that forces (n_j + n_f, m) on the boundary amount to, (n_f, m).  Local, rank 0."""
+        """Return forces (n_j + n_f, m) on the boundary condensed to the faces, (n_f, m).  Local, rank 0."""
         n_j = len(self.boundary.joint)
         return (forces[:n_j].T @ self._of_joint[1]).T + forces[n_j:].toarray()
 
@@ -285,7 +285,7 @@ def _interior(
 def _without_interior(
     A: PETSc.Mat, boundary: np.ndarray, shift: tuple[float, PETSc.Mat] | None
 ) -> tuple[np.ndarray, dict[str, Any]]:
-    """Return A, or A - sigma M, where its faces are all of it, and a report.  Collective."""
+    """Return A, or A - sigma M, of a sector that consists of its faces, and a report.  Collective."""
 
     def dense(matrix: PETSc.Mat) -> np.ndarray:
         starts, columns, values = matrix.getValuesCSR()
@@ -312,7 +312,7 @@ class _Inertia:
     def __init__(self, of_sector: SectorFactor, sigma: float):
         """Eliminate.  Collective: one factorisation."""
         self.of_sector, self.sigma = of_sector, sigma
-        give_back()  # the spaces of the searches: the peak of memory would be here
+        give_back()  # memory of the searches: the peak would be here
         with of_sector.K_L() as K_L:
             S, info, pivots = _interior(K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
         if pivots is not None:

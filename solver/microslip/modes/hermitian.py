@@ -11,7 +11,7 @@ _MISSING = 0.5  # squared norm below which a combination of modes is none: with 
 
 
 def complex_modes(K_L: PETSc.Mat, M: PETSc.Mat, theta: np.ndarray, real_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (theta, phi) of a complex (K_L, M), theta descending, from those of its real form, where each theta is there twice.
+    """Return (theta, phi) of a complex (K_L, M), theta descending, from those of its real form, where each theta appears twice.
 
     Collective: sums.  As complex vectors the real modes span a space of half their number, or of
     more where partners of the last ones are missing.

@@ -26,7 +26,7 @@ class StaticColumns:
     solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
     batch : smallest number of pairs per solve
     is_complex : whether columns are complex, G_static = R K_L^-1 R^H
-    grows : whether batches become as large as the number of known pairs; in vain where columns are products
+    grows : whether batches become as large as the number of known pairs; of no use where columns are products
     """
 
     def __init__(

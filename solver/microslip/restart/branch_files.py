@@ -225,7 +225,7 @@ class BranchFiles:
         return {name: self._parts[part.of] for name, part in parts.items()}
 
     def flush(self) -> None:
-        """Write a postponed state as far as files can be written.  Local."""
+        """Write a postponed state, if files can be written.  Local."""
         step, self._postponed = self._postponed, None
         if step is not None and self.comm.rank == 0:
             with suppress(MicroslipError):

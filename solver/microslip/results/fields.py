@@ -149,7 +149,7 @@ def read_run(path: str) -> RunRecord:
 
 
 def _mesh(reader: Reader) -> Mesh:
-    """Return the mesh, whose elements name nodes that are there."""
+    """Return the mesh, whose elements refer to existing nodes."""
     points = _finite(reader, "mesh/points", (None, 3), "f8")
     numbers = reader.array("mesh/node", "i8", (len(points),))
     blocks = []

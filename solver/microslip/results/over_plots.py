@@ -90,7 +90,7 @@ def has_linear(key: str) -> bool:
 
 
 def _draw_linear(axes, curve: PeaksOver, factor: float, per_factor: float) -> None:
-    """Draw the peak of the linear response into all panels, that of the amplitude as far as the curve goes."""
+    """Draw the peak of the linear response into all panels, that of the amplitude over the range of the curve."""
     linear, levels = curve.linear, np.full_like(curve.value, curve.points.level) if curve.points.level else curve.value
     line = factor * abs(linear.amplitude) * levels
     values = (
@@ -112,7 +112,7 @@ def _draw_bars(ax, curves: Sequence[PeaksOver], factor: float) -> None:
 
 
 def _begins(curve: PeaksOver) -> dict[str, int | None]:
-    """Return by the names of the marks the first point at which so many pairs slip or are open, None where none comes."""
+    """Return, by the names of the marks, the first point with that number of slipping or open pairs; None without one."""
     moving, is_open = (curve.points.state != STICK).sum(axis=1), (curve.points.state == OPEN).any(axis=1)
     n_pairs = curve.points.state.shape[1]
     reached = (moving > 0, 2 * moving >= n_pairs, moving >= n_pairs, is_open)

@@ -94,7 +94,7 @@ class ResponseTable:
         return [f"{level:.13g}", i, *_FIRST.cells(point, k), self.outputs[k], *cells, self.units[k], *last]
 
     def is_gone(self) -> bool:
-        """Return whether somebody has removed the file, or put another in its place."""
+        """Return whether the file was removed or replaced."""
         try:
             return not os.path.samestat(os.stat(self.path), os.fstat(self._file.fileno()))
         except OSError:

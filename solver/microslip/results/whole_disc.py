@@ -1,6 +1,6 @@
 """Mesh and fields of a whole disc from those of sector 0: turned copies, each with the phase of its sector.
 
-docs/theory.md, section 14.  Nodes at which sectors meet are there twice; those of sector 0 keep their numbers.
+docs/theory.md, section 14.  Nodes at which sectors meet appear twice; those of sector 0 keep their numbers.
 """
 
 from __future__ import annotations

@@ -108,7 +108,7 @@ class ResultWriter:
             self._save(number, branch, RUNNING)
 
     def _save(self, number: int, branch: Branch, status: str) -> None:
-        """Replace results.h5 by itself with a level added."""
+        """Replace results.h5 by a copy with a level added."""
         result = level_result(branch, self._sizes, status, self._level_unit)
         name = f"levels/{number:04d}"
         with extended_hdf5(self.path, name) as file:

@@ -21,7 +21,7 @@ from .contact_variation import ContactVariation
 class ModalStep:
     """eta'' + C eta' + Omega^2 eta = q over a step ``h`` [s], in the scaled coordinates x = (Omega eta, eta') (2, m, n).
 
-    With modal damping every mode steps by itself: the matrices are (.., .., m), otherwise (.., .., m, m).
+    With modal damping each mode steps separately: the matrices are (.., .., m), otherwise (.., .., m, m).
     """
 
     def __init__(self, omega_n: np.ndarray, damping: Damping, h: float):
@@ -43,11 +43,11 @@ class ModalStep:
         return _times(self.free, x)
 
     def forced(self, q: np.ndarray) -> np.ndarray:
-        """Return what forces q at the begin and at the end, (2, m, n), add to x.  Local."""
+        """Return the contribution to x of forces q at the begin and at the end, (2, m, n).  Local."""
         return _times(self.by_forces, q)
 
     def shifted(self, q: np.ndarray) -> np.ndarray:
-        """Return what they add to Omega eta, (m, n).  Local."""
+        """Return their contribution to Omega eta, (m, n).  Local."""
         return _times(self.by_forces[:1], q)[0]
 
     def multipliers(self) -> np.ndarray:
@@ -85,7 +85,7 @@ _CUT = 1e-7  # parts of the images of eigenvectors of length 1 below it are no n
 
 @dataclass(frozen=True, eq=False)
 class ContactStep:
-    """The contact of one step: the n pairs whose forces vary in it, with their sliders, and the factor of what is implicit."""
+    """The contact of one step: the n pairs whose forces vary in it, with their sliders, and the factor of the implicit part."""
 
     rows: np.ndarray  # (3 n,) of the motion of these pairs
     fresh: np.ndarray  # of these rows, those that the step before does not have

@@ -78,7 +78,7 @@ def _errno(problem: BaseException) -> int | None:
 def atomic_write(path: str) -> Iterator[str]:
     """Yield the name of a temporary file that replaces ``path`` when the block ends without an error.  Local.
 
-    Whoever is killed meanwhile leaves the old file untouched; a signal to stop waits until the new one is there.
+    A process killed meanwhile leaves the old file unchanged; a stop signal waits until the new file is in place.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def remove_at_end(folder: str) -> None:
 
 
 def remove_folder(folder: str) -> None:
-    """Remove a folder of this process, as far as that is possible.  Local."""
+    """Remove a folder of this process, if possible.  Local."""
     _OF_PROCESS.discard(folder)
     shutil.rmtree(folder, ignore_errors=True)
 

@@ -24,7 +24,7 @@ class _Requests:
 
     to_save = False
     to_stop: Interrupted | None = None
-    waits_for_first = False  # another rank saves, and this one goes on for a while so that it can
+    waits_for_first = False  # another rank saves, and this one continues for a while to permit it
     is_over = False  # the end of the program is decided
     n_holding = 0  # blocks at work that are not to be broken off
     parting: str = ""  # end of the message on a stop
@@ -174,13 +174,13 @@ def _stop(number: int, frame) -> None:
     _Requests.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
     Answer.begun.set()
     end_within(UNWINDING)
-    _drop_what_nobody_reads()
+    _drop_unread_output()
     if not _Requests.n_holding:
         raise _Requests.to_stop
 
 
-def _drop_what_nobody_reads() -> None:
-    """Send standard output and error nowhere where they are full: mpirun no longer reads them when it has to stop.
+def _drop_unread_output() -> None:
+    """Discard standard output and error if they are full: a stopping mpirun no longer reads them.
 
     A further line would be waited for until the launcher kills, with nothing saved.
     """

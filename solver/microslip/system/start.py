@@ -61,7 +61,7 @@ def open_streams() -> None:
 
 
 def stop_at_once() -> None:
-    """Let stopping signals end the process at once, as there is nothing to save, and ignore the signal to save.  Local.
+    """Let stopping signals end the process immediately, without saving, and ignore the signal to save.  Local.
 
     Until signals.py answers them.  One that the caller ignores stays ignored.  A rank that is not the first puts off a signal
     that stops: the first, which writes the message, may not have started.

@@ -141,7 +141,7 @@ def _number(words: list[str], i: int, where: str, card: Card) -> float:
 
 
 def _take_pair(model: InputModel, scope: Scope, card: Card, words: list[str], where: str, interaction: _Interaction) -> None:
-    """Add a finding of two surfaces in contact, and their joint as far as the file states it."""
+    """Add a finding of two surfaces in contact, and their joint with the values of the file."""
     surfaces = _smaller_first(model, surface_of(model, scope, words[0], where), surface_of(model, scope, words[1], where))
     lacks = {**interaction.lacks, **_gap(model, card, surfaces)}
     within = number(card.parameters.get("ADJUST", "")) or None  # surfaces within this distance touch

@@ -1,4 +1,4 @@
-"""Unformatted records of Fortran: a length in bytes, the content, the length once more."""
+"""Unformatted records of Fortran: a length in bytes, the content, the length again."""
 
 import struct
 from typing import IO

@@ -38,7 +38,7 @@ def quantity_text(value: float, unit: str, digits: int = 4) -> str:
 
 
 def _rounded(value: float, digits: int) -> str:
-    """Return a number to so many digits, without an exponent below a million."""
+    """Return a number to this many digits, without an exponent below a million."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e" in text and 1.0 <= abs(value) < 1e6 else text
 

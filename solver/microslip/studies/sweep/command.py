@@ -44,7 +44,7 @@ class Planned:
 
 
 def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
-    """Compute the peaks of samples, as far as an earlier run in the folder has not, and write them.  Collective on ``comm``.
+    """Compute the peaks of samples that an earlier run in the folder has not, and write them.  Collective on ``comm``.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class Request:
     outside: str = "refuse"  # or skip, of samples that the scene does not allow
     curves: bool = False
     groups: int | None = None  # of ranks; None: as many as there are ranks
-    part: tuple[int, int] = (1, 1)  # of a job array: this one of so many
+    part: tuple[int, int] = (1, 1)  # of a job array: number of this part, number of parts
     fresh: bool = False
     keep_modes: bool = False  # under another contact stiffness
     walltime: float | None = None  # s, time limit; None: from the scheduler

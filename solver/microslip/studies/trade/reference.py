@@ -229,6 +229,6 @@ def _check(parameter: str, rungs: Sequence[Rung]) -> Check:
 
 
 def mode_numbers(bench: Bench) -> list[int]:
-    """Return a quarter, half and all of the computed modes, as far as they include the mode of the range.  Local."""
+    """Return a quarter, half and all of the computed modes, at least enough to include the mode of the range.  Local."""
     most, least = len(bench.modes.omega_n), bench.least_modes
     return sorted({max(most // 4, least), max(most // 2, least), most})
