@@ -56,7 +56,7 @@ class ModePoint:
 
     @property
     def damping_by_friction(self) -> float:
-        """The part of the damping ratio that friction makes [-]."""
+        """The part of the damping ratio due to friction [-]."""
         ratio = self.friction / self.supplied * -self.sigma / (2.0 * self.omega) if self.supplied > 0.0 else 0.0
         return ratio if ratio > NONE else 0.0
 
@@ -133,7 +133,7 @@ class Backbone:
 
     @property
     def damping_by_friction(self) -> np.ndarray:
-        """The part of it that friction makes, (n,) [-]."""
+        """The part of it due to friction, (n,) [-]."""
         return self._of("damping_by_friction")
 
     @property

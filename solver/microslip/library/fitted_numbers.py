@@ -50,7 +50,7 @@ class Fitted:
 
 
 def refuse_bounds(scene: Any, bounds: Mapping[str, tuple[float, float]]) -> None:
-    """Refuse numbers and bounds that the scene alone shows to be wrong, before its structure is built.  Local; reads pair files.
+    """Refuse numbers and bounds that are wrong for the scene, before its structure is built.  Local; reads pair files.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _no_number(key: str, keys: Sequence[str]) -> CaseError:
 
 
 def _offered(scene: Any) -> list[str]:
-    """Return the numbers to fit of which the scene states more than 0."""
+    """Return the numbers to fit that are above 0 in the scene."""
     of_joints = [
         f"joints.{joint.name}.{number}"
         for joint in scene.joints

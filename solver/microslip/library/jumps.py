@@ -10,7 +10,7 @@ import numpy as np
 
 from ..messages.errors import ConvergenceError
 
-SAFETY, LONGEST, SHORTEST = 0.9, 2.0, 0.2  # of the next jump over the one that would just fit; over the last one
+SAFETY, LONGEST, SHORTEST = 0.9, 2.0, 0.2  # ratio of the next jump to the largest allowed one; to the last jump
 MOST_JUMPS = 2000
 STABLE = 0.5  # most change of a rate within half a jump, over the largest rate: beyond twice that the rule is unstable
 NEGLIGIBLE = 0.1  # of the allowed error: where all remaining cycles add less than that, one jump leads to their end

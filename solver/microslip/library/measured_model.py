@@ -34,7 +34,7 @@ from .sample_peaks import UNKNOWN_WIDTH, starts_at
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
+OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # default deviations: of the largest amplitude; rad; of the frequency
 SAME_WEIGHTS = 0.1  # relative change of these deviations at which the fit is left as it is
 MOST_PRECISE = 1e-3  # of such a deviation before, at least, where the residuals vanish
 
@@ -69,7 +69,7 @@ class MeasuredModel:
     def reweigh(self, variance: np.ndarray) -> bool:
         """Update unstated deviations by the ``variance`` of residuals (n_residuals,); return whether they change.  Local.
 
-        Without stated deviations their ratios alone count, and the largest stays.
+        Without stated deviations only their ratios count, and the largest remains.
         """
         if len(self.unstated) + self.is_stated.any() < 2:
             return False

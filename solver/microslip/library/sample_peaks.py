@@ -162,7 +162,7 @@ class SamplePeaks:
         self._built: tuple[Any, Structure] = ((), structure)
         self._prepared: tuple[Any, Prepared] | None = None
         self.solved: list[tuple[np.ndarray, Starts, bool]] = []  # values, motions, whether the mean slip is held
-        self._loose: tuple[ReducedModel, bool] | None = None  # whether nothing but the joint holds a body of a model
+        self._loose: tuple[ReducedModel, bool] | None = None  # whether only the joint supports a body of a model
         for i in np.flatnonzero(varied.is_factor):  # of no pair of the joint: reported before anything is solved
             number_of_joint(scene, structure.pairs, *words_of(varied.keys[i])[1:])
         self.nominal = self._solve_nominal()
@@ -236,7 +236,7 @@ class SamplePeaks:
         return replace(sample, newton=newton + sample.newton, is_followed=True)
 
     def _from_others(self, problem: _Problem, x: np.ndarray, branch: Branch | None) -> Sample:
-        """Return the sample at ``x`` from those solved, through others half the way from the nearest one where need be."""
+        """Return the sample at ``x`` from those solved, if necessary by way of samples half way from the nearest one."""
         to, newton, why = [x], 0, ""
         for _ in range(MOST_BETWEEN):
             is_last = len(to) == 1
@@ -268,7 +268,7 @@ class SamplePeaks:
         return replace(sample, newton=newton)
 
     def _halfway(self, x: np.ndarray) -> np.ndarray | None:
-        """Return numbers half the way from the nearest sample, by factors if positive; None where another structure is needed."""
+        """Return numbers half way from the nearest sample, geometrically if positive; None if another structure is needed."""
         known = [at for at, *_ in self.solved if np.isfinite(at).all()]
         nearest = self.reference.comm.bcast(min(known, key=lambda at: np.linalg.norm((at - x) / self.spread), default=None))
         others = [i for i in range(len(x)) if i not in self.varied.having("law", "load", "level")]
@@ -568,9 +568,9 @@ def _alone(of: ResponseProblem) -> ResponseProblem:
 
 
 def affine_weights(places: np.ndarray) -> np.ndarray | None:
-    """Return weights (n,) that interpolate from places (n, d) to 0: exact for linear functions, near ones first.  Local.
+    """Return weights (n,) that interpolate from places (n, d) to 0: exact for linear functions, mostly from near places.  Local.
 
-    The least of weights times distances; None where the nearest place alone is as good.
+    The least of weights times distances; None if the nearest place alone is as good.
     """
     distance = np.linalg.norm(places, axis=1)
     if len(places) < 2 or distance[0] == 0.0:

@@ -132,7 +132,7 @@ def search(
 
 
 def refuse_what_has_one(scene: Scene) -> None:
-    """Raise CaseError where a scene has one solution at every frequency, or other ones than a search takes.  Local."""
+    """Raise CaseError if a scene has one solution at every frequency, or solutions that a search does not support.  Local."""
     where = f"{scene.path}: search"
     refuse_statics(scene, "search")
     if not scene.joints:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-MOST_PAIRS = 1000  # whose columns every group may store: 72 MB, docs/parallel.md
+MOST_PAIRS = 1000  # pairs whose columns every group may store: 72 MB, docs/parallel.md
 MOST_COLUMNS = 1e8  # pairs times DOFs, up to which the columns of all pairs take a few seconds
 
 

@@ -119,7 +119,7 @@ def load_factors(scene: Scene, other: Scene) -> np.ndarray:
 
     Raises
     ------
-    CaseError : a load of the scene is 0, of which no factor makes another
+    CaseError : a load of the scene is 0 and cannot be scaled
     """
     n_shapes = 2 if n_sectors_of(scene) > 1 else 1
     factors = []
