@@ -25,9 +25,9 @@ from microslip.reduction.settings import ModalDamping
 
 
 def reduced(system, comm, H, n_modes=None):
-    """Return the reduced model of a system and its contact parameters; all modes unless told.
+    """Return the reduced model of a system, with all modes by default, and its contact law.
 
-    ``H`` is the highest harmonic, or a set of harmonics.  Pairs that the system says are ``open_at_rest`` have no springs in it.
+    ``H`` is the highest harmonic, or a set of harmonics.  Pairs that are ``open_at_rest`` have no springs.
     """
     harmonics = H if isinstance(H, Harmonics) else Harmonics.up_to(H)
     M, R, f = system["M"], system["R"], np.stack([load["vector"] for load in system["loads"]], axis=1)
@@ -96,7 +96,7 @@ def branch(
     n_modes=None,
     law_of=lambda law: law,
 ):
-    """Follow the branch of one level between two frequencies [rad/s]; ``law_of`` the sampled law is that of its pairs."""
+    """Follow the branch of one level between two frequencies [rad/s]; ``law_of`` turns the sampled law into that of the pairs."""
     model, law = reduced(system, comm, H, n_modes)
     problem = forced(model, law_of(law), n_samples, level)
     low, high = low or system["omega"][0], high or system["omega"][1]

@@ -1,4 +1,4 @@
-"""Branches against exact results, an independent harmonic balance, and themselves; every test runs on any number of ranks."""
+"""Branches compared with exact results and an independent harmonic balance, and their consistency; on any number of ranks."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ def scene(name):
         pytest.param(2.0, (1.136206225921, 1.305151377843), marks=pytest.mark.ranks(1)),
     ],
 )
-def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, frequencies):
+def test_amplitudes_of_a_jenkins_mass_are_exact(X, frequencies):
     curve = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies, points=20)
     requested = [point for point in curve.points if point.requested]
     assert curve.failure is None
@@ -49,16 +49,16 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
     "name, level, omega",
     [(name, *at[:2]) for name in ("spatial", "chain", "gap") for at in scenes.SCENES[name]()["levels"].values()],
 )
-def test_points_solve_an_independent_harmonic_balance_and_energy_closes(name, level, omega):
+def test_points_solve_an_independent_harmonic_balance_with_energy_balance(name, level, omega):
     system = {**scene(name), "sampled": True}
     low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
     curve = branch(system, COMM, level, low=low, H=5, n_samples=64, at=(omega,))
-    assert_energy_closes(curve)
+    assert_energy_balance(curve)
     point = next(point for point in curve.points if point.requested)
     if COMM.rank > 0:  # motions and forces are recorded on rank 0
         return
     model, _ = reduced(system, COMM, 5)
-    # started from this point, so that the two codes mean the same solution where several exist
+    # both codes start from this point, so that they converge to the same solution where several exist
     start = full_motion(system, level, point)
     reference = harmonic_balance.solve(system, omega, level, H=5, n_samples=64, start=start)
     assert reference.u_hat == pytest.approx(start, abs=1e-6 * np.abs(start).max())
@@ -82,21 +82,21 @@ def full_motion(system, level, point):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_energy_closes_at_every_point():
+def test_energy_balance_holds_at_every_point():
     system = scene("jenkins")
     for level, *_ in system["levels"].values():
         curve = branch(system, COMM, level, points=20)
         assert curve.failure is None
-        assert_energy_closes(curve)
+        assert_energy_balance(curve)
 
 
-def assert_energy_closes(curve):
+def assert_energy_balance(curve):
     closure = [abs(p.input - p.damping - p.friction) / p.input for p in curve.points]
     assert max(closure) < 1e-6
     assert min(point.energy.min() for point in curve.points) > -1e-9 * max(point.input for point in curve.points)
 
 
-def test_linear_curve_is_met_to_roundoff_and_costs_no_newton_step():
+def test_linear_points_are_exact_to_roundoff_without_newton_steps():
     system = scene("chain")
     curve = branch(system, COMM, 1e-3)
     K_L, C = scenes.stuck_stiffness(system), scenes.damping_matrix(system)
@@ -114,7 +114,7 @@ def as_array(entry):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_fold_is_passed_and_the_way_back_is_the_same_curve():
+def test_folds_are_passed_and_the_downward_branch_is_the_same_curve():
     system = scene("gap")
     up, down = branch(system, COMM, 0.1, points=70), branch(system, COMM, 0.1, points=70, down=True)
     assert up.failure is None and down.failure is None
@@ -125,8 +125,8 @@ def test_fold_is_passed_and_the_way_back_is_the_same_curve():
     forward = np.array([[p.omega, *p.response[0, 1:3]] for p in up.points])
     for point in down.points[::5]:
         here = np.array([point.omega, *point.response[0, 1:3]])
-        gap = distance_to_polyline(here, forward)
-        assert gap < 5e-3 * np.abs(forward[:, 1:]).max()
+        distance = distance_to_polyline(here, forward)
+        assert distance < 5e-3 * np.abs(forward[:, 1:]).max()
 
 
 def distance_to_polyline(point, line):
@@ -136,19 +136,19 @@ def distance_to_polyline(point, line):
 
 
 @pytest.mark.ranks(1)
-def test_second_point_does_not_jump_over_the_folds_beside_the_first():
+def test_second_point_does_not_jump_over_folds_near_the_first():
     curve = branch(scene("spatial"), COMM, 0.8, low=0.97, high=1.9, H=5, points=30)
     assert curve.failure is None
     assert max(amplitude(point) for point in curve.points) > 3.5  # 2.1 at the start; the peak lies between two folds
 
 
-def test_branch_that_leaves_the_range_at_its_start_says_so():
+def test_branch_that_leaves_the_range_at_its_start_fails_with_a_message():
     curve = branch(scene("spatial"), COMM, 0.8, low=0.98, high=1.9, H=5, points=30)
     assert curve.points and "back out of the range" in curve.failure
 
 
 @pytest.mark.ranks(1)
-def test_first_point_that_newton_misses_is_reached_over_the_level():
+def test_first_point_that_newton_misses_is_continued_over_the_level():
     curve = branch(scene("spatial"), COMM, 1.5, low=0.97, high=1.9, points=30)
     assert curve.failure is None and curve.points[0].omega == 0.97
     assert curve.points[0].notes == ("first point reached over the level, where there may be other solutions",)
@@ -156,8 +156,8 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
 
 
 @pytest.mark.ranks(1)
-def test_where_no_step_leads_on_many_small_newton_steps_may(monkeypatch):
-    """From its tenth solve on Newton fails until it has been patient: the curve is the same."""
+def test_small_newton_steps_continue_a_branch_on_which_all_other_solves_fail(monkeypatch):
+    """From the tenth solve Newton's method fails until a patient solve was made: the curve is the same."""
     whole, solve, solves = branch(scene("jenkins"), COMM, 0.8, H=1, points=12), PointSolver.solve, []
 
     def failing(solver, *of):
@@ -172,7 +172,7 @@ def test_where_no_step_leads_on_many_small_newton_steps_may(monkeypatch):
 
 
 @pytest.mark.ranks(2, 3)
-def test_all_ranks_together_agree_with_one_alone():
+def test_all_ranks_agree_with_a_single_rank():
     system = scene("chain")
     together, alone = (branch(system, comm, 100.0, points=15) for comm in (COMM, MPI.COMM_SELF))
     peak = max(amplitude(point) for point in alone.points)
@@ -185,7 +185,7 @@ def test_all_ranks_together_agree_with_one_alone():
 
 @pytest.mark.study
 @pytest.mark.ranks(1)
-def test_in_point_check_removes_the_error_of_the_late_update():
+def test_check_within_a_point_removes_the_error_of_the_late_selection():
     system = scene("chain")
     low, high = system["omega"]
     at = tuple(np.linspace(low, high, 9)[1:-1])
@@ -200,7 +200,7 @@ def test_in_point_check_removes_the_error_of_the_late_update():
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
+def test_energy_filter_reduces_the_unknowns():
     system = scene("chain")
     plain = branch(system, COMM, 10.0, selection=NonStickingPairs())
     filtered = branch(system, COMM, 10.0, selection=DissipatingPairs(energy_tolerance=1e3))
@@ -212,7 +212,7 @@ def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
 
 @pytest.mark.ranks(1)
 @pytest.mark.slow
-def test_receptance_counts_the_pairs_that_couple():
+def test_unknowns_are_those_of_the_active_pairs():
     stuck = branch(scene("chain"), COMM, 1e-3, selection=AllPairs())
     assert {point.unknowns for point in stuck.points} == {0}
     curve = branch(scene("chain"), COMM, 10.0, selection=AllPairs())
@@ -225,7 +225,7 @@ def test_receptance_counts_the_pairs_that_couple():
 
 @pytest.mark.ranks(1)
 @pytest.mark.slow
-def test_failure_names_the_frequency_and_keeps_the_points():
+def test_failure_names_the_frequency():
     system = scene("gap")
     curve = branch(system, COMM, 0.2, points=12, ds_min=1.0, tolerance=1e-300)
     assert curve.failure is not None and "Hz" in curve.failure
@@ -246,7 +246,7 @@ def test_error_falls_as_modes_are_added():
 
 
 @pytest.mark.slow
-def test_records_are_complete():
+def test_point_records_are_complete():
     point = branch(scene("chain"), COMM, 10.0).points[3]
     assert {field.name for field in dataclasses.fields(point)} >= {"omega", "response", "U", "p", "energy", "state"}
     assert point.U.shape == point.p.shape == ((2, 3, 7) if COMM.rank == 0 else (0, 3, 0))

@@ -1,4 +1,4 @@
-"""A branch that is put away between two steps and taken up again goes on to the same bits; on any number of ranks."""
+"""A branch that is stored between two steps and restored continues bit for bit; on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -39,14 +39,14 @@ def chain_task(selection=None, with_accuracy=False, level=100.0):
 
 
 def free_task():
-    """A body on its joint alone, all of which slips at the first point already: its mean slip is held."""
+    """A body on its joint alone, all pairs of which slip at the first point: its mean slip is held."""
     system = structures.free_body(rayleigh=(0.8, 0.0))
     model, law = reduced({**system, "C": 0.8 * system["M"]}, COMM, 3)
     return BranchTask(forced(model, law, 128, 17.0), AllPairs(), Sweep(0.8, 1.2), STEPS, 1e-9)
 
 
 def to_arrays(task, state):
-    """Return a state between two steps, as a run keeps it.  Collective."""
+    """Return a state between two steps, as a run stores it.  Collective."""
     return state_arrays(state) | {
         name: a for key, part in parts_of(task, state).items() for name, a in over(key, part.arrays()).items()
     }
@@ -57,12 +57,12 @@ def on_disk(arrays, path):
     if COMM.rank == 0:
         np.savez(path, **arrays)
     COMM.barrier()
-    with np.load(path, allow_pickle=False) as kept:
-        return {name: kept[name] for name in kept.files}
+    with np.load(path, allow_pickle=False) as stored:
+        return {name: stored[name] for name in stored.files}
 
 
 def followed(make, n_steps, path=None):
-    """Return the points of the first steps; with a ``path`` each step starts from what was read of the one before."""
+    """Return the points of the first steps; with a ``path`` each step starts from the stored state of the previous one."""
     task, points = make(), []
     workspace = Workspace(task.problem.equation)
     state = task.start(workspace)
@@ -100,8 +100,8 @@ def followed(make, n_steps, path=None):
     ],
     ids=["plain", "accuracy", "adaptive", "stuck", "held"],
 )
-def test_a_branch_goes_on_to_the_same_bits(make, with_preconditioners, monkeypatch, shared_path):
-    if with_preconditioners:  # made soon, and kept over some points
+def test_a_restored_branch_continues_bit_for_bit(make, with_preconditioners, monkeypatch, shared_path):
+    if with_preconditioners:  # built early, and used for several points
         monkeypatch.setattr(newton_solver, "MANY_KRYLOV", 2)
         monkeypatch.setattr(newton_solver, "LARGEST", 30)
         monkeypatch.setattr(adjoint_solver, "MANY_KRYLOV", 2)
@@ -117,8 +117,8 @@ def test_a_branch_goes_on_to_the_same_bits(make, with_preconditioners, monkeypat
         assert a.error is None or np.array_equal(a.error, b.error)
 
 
-def test_a_state_is_the_same_on_any_number_of_ranks(shared_path):
-    """What all ranks kept together, one rank alone goes on with."""
+def test_a_stored_state_has_the_same_arrays_on_any_number_of_ranks(shared_path):
+    """All ranks gather the same complete arrays."""
     task = chain_task()
     workspace = Workspace(task.problem.equation)
     state = task.start(workspace)

@@ -1,4 +1,4 @@
-"""A constraint of the linearisation: the amplitude of an output is held, and the level that gives it follows."""
+"""A constraint of the linearisation: the amplitude of an output is prescribed, and the level follows from it."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -35,8 +35,8 @@ class OverLevelAndFrequency(ProblemBase):
 
 
 @dataclass(frozen=True, eq=False)
-class HeldAmplitude:
-    """|a|^2 / A^2 = 1 of the only output: its forces matter, not the motion alone."""
+class PrescribedAmplitude:
+    """The constraint |a|^2 / A^2 = 1 on the only output: it depends on its forces, not on the motion alone."""
 
     problem: OverLevelAndFrequency
     A: float
@@ -64,7 +64,7 @@ class HeldAmplitude:
         return 2.0 * place.scaling.U / self.A**2 * n_U, 2.0 / self.A**2 * np.array(n_nu)
 
 
-def test_the_level_of_a_held_amplitude_is_that_of_the_curve():
+def test_the_level_of_a_prescribed_amplitude_is_that_of_the_curve():
     system = scenes.chain()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
@@ -73,7 +73,7 @@ def test_the_level_of_a_held_amplitude_is_that_of_the_curve():
     problem = OverLevelAndFrequency(HarmonicBalance.of_all(model, law, 128))
     U = COMM.bcast(point.U if COMM.rank == 0 else None)[model.owned]
     guess = Iterate(0.98 * U, (0.97 * LEVEL, OMEGA), model.harmonics)
-    rows = Plane(guess, np.zeros_like(guess.U), (0.0, 1.0)), HeldAmplitude(problem, amplitude(point))
+    rows = Plane(guess, np.zeros_like(guess.U), (0.0, 1.0)), PrescribedAmplitude(problem, amplitude(point))
     corrector = Corrector(COMM, problem.equation.shape, 1e-10, n_parameters=2)
     size = float(np.sqrt(COMM.allreduce(np.vdot(U, U))))
     solution = corrector.correct(BorderedSystem(problem, rows, Scaling(size, (LEVEL, OMEGA)), problem.equation.every_pair), guess)

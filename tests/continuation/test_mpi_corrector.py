@@ -1,4 +1,4 @@
-"""The corrector: what it counts; every test runs on any number of ranks."""
+"""Iterations and marches of the corrector; every test runs on any number of ranks."""
 
 import dataclasses
 
@@ -36,7 +36,7 @@ def jenkins():
     return system, guess
 
 
-def test_iterations_of_a_solve_that_is_repeated_are_those_of_all_its_runs(monkeypatch):
+def test_iterations_of_a_repeated_solve_are_those_of_all_runs(monkeypatch):
     """The third Newton step of the first run fails: a second run with a preconditioner follows."""
     system, guess = jenkins()
     corrector = Corrector(COMM, guess.U.shape, 1e-10)
@@ -58,16 +58,16 @@ def test_iterations_of_a_solve_that_is_repeated_are_those_of_all_its_runs(monkey
     assert repeated.iterate.U == pytest.approx(undisturbed.iterate.U, abs=1e-9 * system.scaling.U)
 
 
-def test_a_motion_is_marched_once(monkeypatch):
+def test_a_motion_is_marched_once_for_forces_and_derivatives(monkeypatch):
     """The derivatives of the contact forces come from the march of the residual, but at most once from a second one."""
     system, guess = jenkins()
     corrector, motions, cycle = Corrector(COMM, guess.U.shape, 1e-10), [], ElasticCoulomb.cycle
 
-    def noted(law, U, *of, **more):
+    def counted(law, U, *of, **more):
         motions.append(U.tobytes())
         return cycle(law, U, *of, **more)
 
-    monkeypatch.setattr(ElasticCoulomb, "cycle", noted)
+    monkeypatch.setattr(ElasticCoulomb, "cycle", counted)
     correction = corrector.correct(system, guess)
     corrector.destroy()
     assert correction.failure is None and correction.newton > 2
@@ -75,8 +75,8 @@ def test_a_motion_is_marched_once(monkeypatch):
 
 
 @pytest.mark.parametrize("error, is_repeated", [(1e-3, False), (0.1, True)])
-def test_a_failed_solve_in_single_precision_is_repeated_where_its_newton_systems_were_not_solved(monkeypatch, error, is_repeated):
-    """In double precision; the residual of the last system, in double precision, says whether it was solved."""
+def test_a_failed_solve_in_single_precision_is_repeated_if_its_newton_systems_were_not_solved(monkeypatch, error, is_repeated):
+    """It is repeated in double precision; the residual of the last system decides whether that system was solved."""
     system, guess = jenkins()
     corrector = Corrector(COMM, guess.U.shape, 1e-10)
     solve, in_double = corrector.newton_solver.solve, []

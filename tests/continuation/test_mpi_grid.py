@@ -1,4 +1,4 @@
-"""Points at given frequencies are those of the followed branch; runs on any number of ranks."""
+"""Solutions at given frequencies equal the points of the followed branch; on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def grid(system, level, omegas, selection=ALL, tolerance=1e-10):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [1e-3, pytest.param(10.0, marks=pytest.mark.ranks(1))])
-def test_points_of_a_branch_are_found_again_at_its_frequencies(level):
+def test_solutions_at_the_frequencies_of_a_branch_are_its_points(level):
     followed = branch(chain(), COMM, level, points=40, tolerance=1e-10)
     solved = grid(chain(), level, [point.omega for point in followed.points])
     assert solved.failure is None and len(solved.points) == len(followed.points)
@@ -41,7 +41,7 @@ def test_points_of_a_branch_are_found_again_at_its_frequencies(level):
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_the_order_of_the_frequencies_is_kept_and_does_not_matter():
+def test_the_order_of_the_frequencies_is_preserved_and_does_not_matter():
     low, high = chain()["omega"]
     omegas = np.linspace(low, high, 16)
     up, down = grid(chain(), 10.0, omegas), grid(chain(), 10.0, omegas[::-1])
@@ -53,7 +53,7 @@ def test_the_order_of_the_frequencies_is_kept_and_does_not_matter():
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
+def test_solutions_beyond_a_fold_lie_on_the_branch():
     system, omegas = chain(), np.linspace(*chain()["omega"], 15)
     followed = branch(system, COMM, 50.0, at=omegas, tolerance=1e-10)
     assert min(np.diff([point.omega for point in followed.points])) < -1.0  # it folds back
@@ -61,14 +61,14 @@ def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
     assert solved.failure is None and len(solved.points) == 15
     peak = max(np.abs(point.response).max() for point in followed.points)
     for point in solved.points:
-        there = [other for other in followed.points if other.omega == pytest.approx(point.omega, rel=1e-12)]
-        assert min(np.abs(point.response - other.response).max() for other in there) < 1e-7 * peak
-    assert max(point.newton for point in solved.points) > 20  # one solve of Newton's ends after 20
+        at_omega = [other for other in followed.points if other.omega == pytest.approx(point.omega, rel=1e-12)]
+        assert min(np.abs(point.response - other.response).max() for other in at_omega) < 1e-7 * peak
+    assert max(point.newton for point in solved.points) > 20  # a single solve of Newton's method ends after 20
 
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_in_point_check_makes_adaptive_exact_also_here():
+def test_check_within_a_point_makes_the_adaptive_selection_exact_at_given_frequencies():
     omegas = np.linspace(*chain()["omega"], 13)
     exact = grid(chain(), 20.0, omegas)
     late, checked = (grid(chain(), 20.0, omegas, NonStickingPairs(check)) for check in (False, True))
@@ -81,12 +81,12 @@ def test_in_point_check_makes_adaptive_exact_also_here():
 
 
 @pytest.mark.slow
-def test_a_frequency_out_of_reach_is_named_and_the_points_before_it_are_kept():
+def test_a_frequency_without_solution_is_named():
     solved = grid(chain(), 100.0, [500.0, 560.0], tolerance=1e-300)
     assert solved.failure is not None and "Hz" in solved.failure
 
 
-def test_secant_is_left_where_it_would_reach_too_far_or_back():
+def test_secant_is_not_used_for_long_or_backward_steps():
     a, b = (Iterate(np.array([u]), (omega,), Harmonics((0,))) for u, omega in ((0.0, 1.0), (1.0, 2.0)))
     assert secant(a, b, 3.0).U == pytest.approx([2.0])
     assert secant(None, b, 3.0).U == pytest.approx([1.0])

@@ -1,4 +1,4 @@
-"""The equation continued over a parameter of the contact law at a fixed frequency; every test runs on any number of ranks."""
+"""Continuation over a parameter of the contact law at a fixed frequency; every test runs on any number of ranks."""
 
 from dataclasses import dataclass, replace
 
@@ -27,7 +27,7 @@ COLUMNS = {"mu": [0.3, 0.25], "N0": [60.0, 40.0]}
 
 
 @dataclass(frozen=True, eq=False)
-class OverLaw(ProblemBase):
+class OverLawParameter(ProblemBase):
     """The equation at a fixed frequency and level, over a factor of a column of the law."""
 
     varies: LawParameter
@@ -52,7 +52,7 @@ def chain():
 
 
 def over(name):
-    return OverLaw(chain(), LawParameter(name, np.arange(2), np.array(COLUMNS[name])))
+    return OverLawParameter(chain(), LawParameter(name, np.arange(2), np.array(COLUMNS[name])))
 
 
 def solved(problem, guess):
@@ -67,7 +67,7 @@ def solved(problem, guess):
 
 
 @pytest.mark.parametrize("name", COLUMNS)
-def test_the_motion_over_a_parameter_is_that_of_laws_that_have_its_values(name):
+def test_the_branch_over_a_law_parameter_equals_solutions_of_laws_with_its_values(name):
     problem = over(name)
     values = (0.5, 0.8, 1.3)
     steps = ArcLength(ds=0.05, ds_min=1e-4, ds_max=0.1)

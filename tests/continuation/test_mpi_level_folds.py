@@ -1,4 +1,4 @@
-"""Folds over the level of the loads, against solutions in closed form; every test runs on any number of ranks."""
+"""Folds over the level of the loads, compared with closed-form solutions; every test runs on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -40,15 +40,15 @@ def mass():
 
 
 def level_of(a):
-    """Return the level [N] under which harmonic 1 has the amplitude ``a`` [m], with the mean that balances the stop."""
+    """Return the level [N] at which harmonic 1 has the amplitude ``a`` [m], with the mean that balances the stop."""
 
-    def pressed(mean):  # half the angle of a cycle in which the stop presses
+    def contact_angle(mean):  # half the angle of a cycle in which the stop is in contact
         return np.arccos(np.clip((GAP - mean) / a, -1.0, 1.0))
 
     def sum_of_means(mean):
-        return K * mean + STOP / np.pi * (a * np.sin(pressed(mean)) + (mean - GAP) * pressed(mean))
+        return K * mean + STOP / np.pi * (a * np.sin(contact_angle(mean)) + (mean - GAP) * contact_angle(mean))
 
-    angle = pressed(brentq(sum_of_means, -a, a, xtol=1e-15))
+    angle = contact_angle(brentq(sum_of_means, -a, a, xtol=1e-15))
     stiffness = K + STOP / np.pi * (angle - np.sin(angle) * np.cos(angle))
     return a * np.hypot(stiffness - OMEGA**2, C * OMEGA)
 
@@ -60,7 +60,7 @@ def over_level(highest):
     return follow_branch(BranchTask(problem, AllPairs(), Sweep(0.05, highest), steps, 1e-10), 400)
 
 
-def test_a_branch_over_the_level_turns_back_twice_where_a_stop_stiffens():
+def test_a_branch_over_the_level_has_the_two_folds_of_a_stiffening_stop():
     curve = over_level(1.0)
     assert curve.failure is None
     levels = np.array([point.parameters[0] for point in curve.points])
@@ -69,7 +69,7 @@ def test_a_branch_over_the_level_turns_back_twice_where_a_stop_stiffens():
     exact = np.array([level_of(a) for a in sizes])
     assert levels == pytest.approx(exact, rel=20.0 / N_SAMPLES**2, abs=20.0 / N_SAMPLES**2)
     top, bottom = np.flatnonzero(np.diff(np.sign(np.diff(levels)))) + 1  # two turning points, no third
-    first = minimize_scalar(lambda a: -level_of(a), bounds=(sizes[top - 1], sizes[top + 1]), method="bounded")
-    last = minimize_scalar(lambda a: level_of(a), bounds=(sizes[bottom - 1], sizes[bottom + 1]), method="bounded")
-    assert levels[top] == pytest.approx(-first.fun, rel=1e-2) and levels[bottom] == pytest.approx(last.fun, rel=2e-2)
-    assert -first.fun > 2.0 * last.fun  # a fold worth the name: three solutions over most of the range
+    upper = minimize_scalar(lambda a: -level_of(a), bounds=(sizes[top - 1], sizes[top + 1]), method="bounded")
+    lower = minimize_scalar(lambda a: level_of(a), bounds=(sizes[bottom - 1], sizes[bottom + 1]), method="bounded")
+    assert levels[top] == pytest.approx(-upper.fun, rel=1e-2) and levels[bottom] == pytest.approx(lower.fun, rel=2e-2)
+    assert -upper.fun > 2.0 * lower.fun  # three solutions over most of the range

@@ -1,4 +1,4 @@
-"""Levels known to be linear are scaled, not solved: the points are those of the solver; on any number of ranks."""
+"""Levels at which all pairs stick: their points are scaled, and equal those of the solver; on any number of ranks."""
 
 from types import SimpleNamespace
 
@@ -57,12 +57,12 @@ def follow(model, parameters, sweep, curve, level, is_linear, selection=None):
 
 @pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("name", ["chain", "spatial"])
-def test_the_levels_from_which_pairs_slip_are_told_by_the_linear_peak(name):
+def test_levels_at_which_pairs_begin_to_slip_follow_from_the_linear_peak(name):
     model, parameters, _, curve = prepared(name)
     levels = levels_of_slip(SimpleNamespace(model=model, law=parameters, curve=curve))
     assert levels[0] == pytest.approx(
         slip_level(model, parameters, curve), rel=0.1
-    )  # amplitudes of all directions count together
+    )  # the amplitudes of all directions are combined
     assert len(levels) == model.n_pairs and (np.diff(levels) >= 0.0).all()
 
 
@@ -72,32 +72,34 @@ def test_a_level_is_linear_exactly_up_to_the_first_slip(name):
     model, parameters, _, curve = prepared(name)
     first = slip_level(model, parameters, curve)
     assert 0.0 < curve.sticks_up_to.min() <= first * (1 + 1e-6)
-    for share, expected in ((1e-6, True), (0.5, True), (0.999, True), (1.001, False), (3.0, False), (1e6, False)):
-        assert is_linear(equation_of(model, parameters), share * first, curve) == expected
+    for factor, expected in ((1e-6, True), (0.5, True), (0.999, True), (1.001, False), (3.0, False), (1e6, False)):
+        assert is_linear(equation_of(model, parameters), factor * first, curve) == expected
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("down", [False, pytest.param(True, marks=pytest.mark.ranks(1))])
 @pytest.mark.parametrize("name, selection", [("chain", AllPairs()), ("spatial", AllPairs()), ("chain", NonStickingPairs())])
-def test_a_scaled_level_is_the_solved_one(name, selection, down):
+def test_a_scaled_level_equals_the_solved_level(name, selection, down):
     low, high = FREQUENCIES[name]
     at = (low + 0.3 * (high - low), high)
     model, parameters, sweep, curve = prepared(name, at=at, down=down)
     level = 0.9 * slip_level(model, parameters, curve)
-    ours = follow(model, parameters, sweep, curve, level, True, selection)
-    theirs = follow(model, parameters, sweep, curve, level, False, selection)
-    assert ours.failure is None and ours.is_linear and not theirs.is_linear
-    assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-12)
-    assert sorted(point.omega for point in ours.points if point.requested) == pytest.approx(at, rel=1e-14)
-    for mine, solved in zip(ours.points, theirs.points, strict=True):
-        assert (mine.newton, mine.krylov, mine.friction) == (0, 0, 0.0)
-        assert not mine.state.any() and mine.unknowns == solved.unknowns
+    scaled_branch = follow(model, parameters, sweep, curve, level, True, selection)
+    solved_branch = follow(model, parameters, sweep, curve, level, False, selection)
+    assert scaled_branch.failure is None and scaled_branch.is_linear and not solved_branch.is_linear
+    assert [point.omega for point in scaled_branch.points] == pytest.approx(
+        [point.omega for point in solved_branch.points], rel=1e-12
+    )
+    assert sorted(point.omega for point in scaled_branch.points if point.requested) == pytest.approx(at, rel=1e-14)
+    for scaled, solved in zip(scaled_branch.points, solved_branch.points, strict=True):
+        assert (scaled.newton, scaled.krylov, scaled.friction) == (0, 0, 0.0)
+        assert not scaled.state.any() and scaled.unknowns == solved.unknowns
         size = np.abs(solved.response).max()
-        assert mine.response == pytest.approx(solved.response, rel=1e-10, abs=1e-13 * size)
-        assert [mine.damping, mine.input] == pytest.approx([solved.damping, solved.input], rel=1e-10)
+        assert scaled.response == pytest.approx(solved.response, rel=1e-10, abs=1e-13 * size)
+        assert [scaled.damping, scaled.input] == pytest.approx([solved.damping, solved.input], rel=1e-10)
         if COMM.rank == 0:
-            assert np.abs(mine.U - solved.U).max() <= 1e-10 * np.abs(solved.U).max()
-            assert not mine.p.any()
+            assert np.abs(scaled.U - solved.U).max() <= 1e-10 * np.abs(solved.U).max()
+            assert not scaled.p.any()
     assert not model.receptance_of(1).static.G_static.known.any()
 
 
@@ -105,15 +107,15 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
 def test_a_scaled_level_is_proportional_to_its_load():
     model, parameters, sweep, curve = prepared("chain")
     first = slip_level(model, parameters, curve)
-    one, other = (follow(model, parameters, sweep, curve, share * first, True) for share in (1e-9, 0.9))
-    assert len(one.points) == len(other.points)
-    for a, b in zip(one.points, other.points, strict=True):
+    small, large = (follow(model, parameters, sweep, curve, factor * first, True) for factor in (1e-9, 0.9))
+    assert len(small.points) == len(large.points)
+    for a, b in zip(small.points, large.points, strict=True):
         assert b.omega == pytest.approx(a.omega, rel=1e-12)
         assert b.response / 0.9 == pytest.approx(a.response / 1e-9, rel=1e-8, abs=1e-12 * np.abs(b.response).max())
 
 
 @pytest.mark.parametrize("changes", [{"mu": 0.0}, {"N0": 0.0}, {"N0": -1.0}])
-def test_a_pair_without_friction_preload_or_contact_at_rest_is_never_scaled(changes):
+def test_pairs_without_friction_preload_or_contact_at_rest_exclude_linear_levels(changes):
     system = scenes.SCENES["chain"]()
     altered = {
         key: np.where(np.arange(len(system[key])) == len(system[key]) - 1, value, system[key]) for key, value in changes.items()
@@ -123,12 +125,12 @@ def test_a_pair_without_friction_preload_or_contact_at_rest_is_never_scaled(chan
         assert not is_linear(equation_of(model, parameters), level, curve)
 
 
-def test_without_parameters_no_level_is_known_to_be_linear():
+def test_without_contact_parameters_no_level_is_linear():
     model, parameters, sweep, _ = prepared("chain")
     assert not is_linear(equation_of(model, parameters), 1e-12, linear_curve(model, sweep))
 
 
-def test_a_constant_motion_is_left_to_the_solver():
+def test_a_constant_motion_is_solved():
     system = scenes.SCENES["spatial"]()
     system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
     model, parameters = reduced(system, COMM, 0)
@@ -138,16 +140,18 @@ def test_a_constant_motion_is_left_to_the_solver():
 
 
 @pytest.mark.slow
-def test_a_pair_that_slips_after_all_is_solved_for():
-    """The follower is told of a level that slips: the branch is that of the solver."""
+def test_a_level_wrongly_declared_linear_is_solved():
+    """The branch of a level that slips is declared linear: it is that of the solver."""
     model, parameters, sweep, curve = prepared("chain")
     level = 1.5 * slip_level(model, parameters, curve)
-    ours, theirs = (follow(model, parameters, sweep, curve, level, is_linear) for is_linear in (True, False))
-    assert ours.failure is None and not ours.is_linear
-    assert any(point.state.any() for point in ours.points)
-    assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-6)
-    for mine, solved in zip(ours.points, theirs.points, strict=True):
-        assert mine.response == pytest.approx(solved.response, rel=1e-6, abs=1e-8 * np.abs(solved.response).max())
+    scaled_branch, solved_branch = (follow(model, parameters, sweep, curve, level, is_linear) for is_linear in (True, False))
+    assert scaled_branch.failure is None and not scaled_branch.is_linear
+    assert any(point.state.any() for point in scaled_branch.points)
+    assert [point.omega for point in scaled_branch.points] == pytest.approx(
+        [point.omega for point in solved_branch.points], rel=1e-6
+    )
+    for scaled, solved in zip(scaled_branch.points, solved_branch.points, strict=True):
+        assert scaled.response == pytest.approx(solved.response, rel=1e-6, abs=1e-8 * np.abs(solved.response).max())
 
 
 def test_a_level_that_slips_costs_one_evaluation(monkeypatch):

@@ -1,4 +1,4 @@
-"""Nonlinear modes against closed forms of one mass; every test runs on any number of ranks."""
+"""Nonlinear modes compared with closed forms of one mass; every test runs on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def mode(system, H, n_samples, amplitudes, j=0, stop=None, tolerance=1e-11, law_
 
 
 @pytest.mark.parametrize("n_samples", (128, pytest.param(512, marks=pytest.mark.ranks(1))))
-def test_one_mass_is_that_of_the_closed_form_as_samples_grow(n_samples):
+def test_mode_of_one_mass_converges_to_the_closed_form_with_samples(n_samples):
     problem, branch = mode(one_mass(), 1, n_samples, list(EXACT))
     assert branch.failure is None
     points = [point for point in branch.points if point.requested]
@@ -66,21 +66,21 @@ def test_one_mass_is_that_of_the_closed_form_as_samples_grow(n_samples):
     assert points[0].state.max() == 0
 
 
-def test_an_amplitude_without_a_number_is_no_place():
-    """A step of Newton's method may lead to any ln q; exp(-800) is 0, exp(800) infinite."""
+def test_an_amplitude_that_underflows_or_overflows_is_not_allowed():
+    """A step of Newton's method may lead to any ln q; exp(-800) underflows to 0, exp(800) overflows."""
     model, law = reduced(one_mass(), COMM, 1)
     problem = NonlinearMode.of(HarmonicBalance.of_all(model, law, 64), 0)
     with np.errstate(over="ignore"):
         assert [problem.allows((log_q, 1.0, 0.0)) for log_q in (-800.0, 0.0, 800.0)] == [False, True, False]
 
 
-def test_one_mass_with_exact_coefficients_is_that_of_the_closed_form():
+def test_mode_of_one_mass_with_exact_coefficients_is_the_closed_form():
     _, branch = mode(one_mass(), 1, 128, list(EXACT), law_of=ExactJenkins.of)
     assert branch.failure is None
     points = [point for point in branch.points if point.requested]
-    missed = [(p.omega / omega - 1.0, -p.parameters[2] / xi - 1.0) for p, (omega, xi) in zip(points, EXACT.values(), strict=True)]
-    print(f"frequency and damping off by {np.abs(missed).max(axis=0)}")
-    assert np.abs(missed).max() < 1e-9
+    errors = [(p.omega / omega - 1.0, -p.parameters[2] / xi - 1.0) for p, (omega, xi) in zip(points, EXACT.values(), strict=True)]
+    print(f"largest errors of frequency and damping {np.abs(errors).max(axis=0)}")
+    assert np.abs(errors).max() < 1e-9
 
 
 def residual(system, point, n_samples, H):
@@ -102,8 +102,8 @@ def coupled_chain():
 
 
 @pytest.mark.parametrize("chain, j", ((scenes.chain, 1), (coupled_chain, 2)))
-def test_a_chain_is_in_balance_in_physical_coordinates(chain, j):
-    """Damping with and without coupling of the modes; slip and lift-off, three harmonics: each point solves all equations."""
+def test_modes_of_a_chain_satisfy_the_equations_in_physical_coordinates(chain, j):
+    """Damping with and without coupling of the modes; slip and separation; three harmonics."""
     system, H = chain() | {"sampled": True}, 3
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
@@ -118,7 +118,7 @@ def test_a_chain_is_in_balance_in_physical_coordinates(chain, j):
         assert np.abs(phi @ system["M"] @ u[:, 1:3] / q) == pytest.approx([1.0, 0.0], abs=1e-6)
 
 
-def test_real_and_imaginary_row_share_the_derivatives_of_the_modal_coordinate(monkeypatch):
+def test_real_and_imaginary_rows_share_the_derivatives_of_the_modal_coordinate(monkeypatch):
     evaluated, places, linearise, gradient = [], [], BorderedSystem.linearise, nonlinear_mode._modal_gradient
     monkeypatch.setattr(nonlinear_mode, "_modal_gradient", lambda *of: evaluated.append(of) or gradient(*of))
     monkeypatch.setattr(BorderedSystem, "linearise", lambda *of: places.append(of) or linearise(*of))

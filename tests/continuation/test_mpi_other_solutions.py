@@ -1,4 +1,4 @@
-"""Several solutions at a frequency: deflation against the roots of Duffing's amplitude equation, and a mass before a stop."""
+"""Several solutions at a frequency: deflation against the roots of Duffing's amplitude equation, and a mass with a stop."""
 
 from types import SimpleNamespace
 
@@ -26,7 +26,7 @@ COMM = MPI.COMM_WORLD
 
 
 class OddPowers:
-    """A spring of force k x^3 + k_5 x^5 beside the pairs, smooth and without memory."""
+    """A spring of force k x^3 + k_5 x^5 parallel to the pairs, smooth and without memory."""
 
     n_memory, order, elements_order = 0, 2, 0
 
@@ -63,13 +63,13 @@ class OddPowers:
 
 
 def search(problem, omega, known=(), starts=0, seed=1):
-    """Return the search from known solutions, after so many starts."""
+    """Return the search that begins with known solutions, after a number of starts."""
     workspace = Workspace(problem.equation)
     try:
         solver = PointSolver(problem, AllPairs(), Sweep(omega, omega + 1.0), 1e-10, workspace)
         result = _Search(solver, omega, has_stability=False)
-        for there in known:
-            result.add(there, "curve")
+        for solution in known:
+            result.add(solution, "curve")
         result.deflate(starts, np.random.default_rng(seed))
         return result
     finally:
@@ -77,7 +77,7 @@ def search(problem, omega, known=(), starts=0, seed=1):
 
 
 def amplitudes(result):
-    return np.sort([COMM.bcast(float(np.hypot(*one.point.response[0, 1:3]))) for one in result.solutions])
+    return np.sort([COMM.bcast(float(np.hypot(*solution.point.response[0, 1:3]))) for solution in result.solutions])
 
 
 def duffing(omega, level, c=0.1, k_3=1.0, k_5=0.0):
@@ -99,17 +99,17 @@ def duffing(omega, level, c=0.1, k_3=1.0, k_5=0.0):
 @pytest.mark.parametrize(
     "omega, n", [(1.5, 3), *(pytest.param(omega, n, marks=pytest.mark.ranks(1)) for omega, n in ((1.6, 3), (0.8, 1)))]
 )
-def test_all_solutions_of_duffing_and_no_other(omega, n):
+def test_deflation_finds_exactly_the_solutions_of_duffings_equation(omega, n):
     problem, exact = duffing(omega, 0.3)
     assert len(exact) == n
     result = search(problem, omega, starts=6)
     assert amplitudes(result) == pytest.approx(exact, rel=1e-8)
-    assert all(one.residual < 1e-10 for one in result.solutions)
+    assert all(solution.residual < 1e-10 for solution in result.solutions)
 
 
 @pytest.mark.ranks(1)
-def test_deflation_alone_finds_what_a_folded_curve_passes():
-    """A mass before a stop between its folds; the lowest solution is known."""
+def test_deflation_finds_the_solutions_of_a_folded_curve():
+    """A mass with a stop, at a frequency between the folds; the lowest solution is known."""
     system = scenes.gap_mass()
     loads = [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]
     system, omega, H = system | {"loads": loads}, 1.25, 5
@@ -121,12 +121,12 @@ def test_deflation_alone_finds_what_a_folded_curve_passes():
     assert amplitudes(search(problem, omega, on_curve[-1:], starts=20)) == pytest.approx(exact, rel=1e-7)
 
 
-def test_a_curve_over_the_level_passes_folds():
+def test_continuation_over_the_level_passes_folds():
     problem, exact = duffing(1.5, 0.3)
     workspace = Workspace(problem.equation)
     try:
         solver = PointSolver(problem, AllPairs(), Sweep(1.5, 2.5), 1e-10, workspace)
-        sizes = [solver.norm(there.U) for there in over_level(solver, 1.5)]
+        sizes = [solver.norm(solution.U) for solution in over_level(solver, 1.5)]
     finally:
         workspace.destroy()
     assert np.sort(sizes) == pytest.approx(exact, rel=1e-7)
@@ -136,8 +136,8 @@ ISOLA = dict(level=0.0172, c=0.05, k_3=-1.9 / 0.75, k_5=1.6)  # from 0.31 to 0.4
 
 
 @pytest.mark.ranks(1)
-def test_a_branch_that_no_curve_reaches_and_its_whole_loop():
-    """Three amplitudes at 0.37 rad/s, of which the curve passes one; the other two lie on a closed branch, followed as a whole."""
+def test_an_isolated_branch_is_detected_and_its_loop_is_followed():
+    """Three amplitudes at 0.37 rad/s: the main curve passes through one, the other two lie on a closed branch."""
     omega, low, high, all_pairs = 0.37, 0.05, 1.5, AllPairs()
     problem, exact = duffing(omega, **ISOLA)
     assert len(exact) == 3
@@ -148,9 +148,9 @@ def test_a_branch_that_no_curve_reaches_and_its_whole_loop():
     result = search(problem, omega, of_curve, starts=10)
     assert amplitudes(result) == pytest.approx(exact, rel=1e-8)
     settings = SimpleNamespace(points=100, tolerance=1e-10)
-    of = SimpleNamespace(at_level=lambda level: problem, sweep=Sweep(low, high), steps=steps, settings=settings)
-    (begin,) = [one for one in result.solutions if amplitude(one.point) == pytest.approx(exact[2])]
-    loop = continued(of, ISOLA["level"], begin, has_stability=False)
+    context = SimpleNamespace(at_level=lambda level: problem, sweep=Sweep(low, high), steps=steps, settings=settings)
+    (begin,) = [solution for solution in result.solutions if amplitude(solution.point) == pytest.approx(exact[2])]
+    loop = continued(context, ISOLA["level"], begin, has_stability=False)
     for segment in (0, 1):
         points = [point for point in loop.points if point.segment == segment]
         assert points[-1].omega == pytest.approx(omega) and amplitude(points[-1]) == pytest.approx(exact[1], rel=1e-6)

@@ -1,4 +1,4 @@
-"""Sharp resonances are not stepped over, however few points are requested for; on any number of ranks."""
+"""Sharp resonances are not stepped over, however few points are requested; on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def chain(load=(1.0, 0.0, 0.0)):
 
 
 def curve(system, level, points, **given):
-    """Return the frequencies and amplitudes of a branch that reaches the end of its range, and what was noted."""
+    """Return the frequencies and amplitudes of a branch that reaches the end of its range, and its notes."""
     followed = branch(system, COMM, level, H=1, n_samples=64, points=points, **given)
     assert followed.failure is None
     amplitude = np.array([np.hypot(*point.response[0, 1:3]) for point in followed.points])
@@ -59,7 +59,7 @@ def best_near(omega, amplitude, where):
 
 
 @pytest.mark.ranks(1)
-def test_two_amplitudes_of_a_mode_tell_its_peak():
+def test_two_amplitudes_of_a_mode_determine_its_peak():
     omega, center, half, c = np.array([0.8, 1.3]), 1.1, 0.003, 0.2 - 0.1j
     a, b = c / (center - omega + 1j * half)
     highest, share = highest_between(np.array([a, a]), np.array([b, a]))
@@ -68,7 +68,7 @@ def test_two_amplitudes_of_a_mode_tell_its_peak():
 
 
 @pytest.mark.ranks(1)
-def test_amplitudes_on_one_side_of_a_peak_expect_none_between_and_zero_is_no_trouble():
+def test_amplitudes_on_one_side_of_a_peak_and_zero_amplitudes_predict_no_peak_between():
     a, b = 1.0 / (1.1 - np.array([0.8, 0.9]) + 0.003j)
     highest, share = highest_between(np.array([a, 0.0, 0.0]), np.array([b, b, 0.0]))
     assert highest == pytest.approx([abs(b), 0.0, 0.0])
@@ -76,7 +76,7 @@ def test_amplitudes_on_one_side_of_a_peak_expect_none_between_and_zero_is_no_tro
 
 
 @pytest.mark.parametrize("points", [10, 17, 40])
-def test_no_peak_of_a_stuck_structure_is_lost(points):
+def test_no_peak_of_a_stuck_structure_is_missed(points):
     system = chain()
     omega, amplitude, notes = curve(system, STUCK, points)
     for where, height in zip(*at_resonance(system, STUCK)):
@@ -84,9 +84,9 @@ def test_no_peak_of_a_stuck_structure_is_lost(points):
     assert notes == set()
 
 
-def test_a_mode_that_hardly_moves_the_pairs_is_seen():
-    """The motion as a whole does not turn there: the load is as good as none of mode 2, but for its peak."""
-    phi = reduced(chain(), COMM, 1)[0].receptance_of(1).modes.R_phi  # of shape alone
+def test_the_peak_of_a_weakly_excited_mode_is_resolved():
+    """The whole motion does not change sign there: the load does not excite mode 2 except at its peak."""
+    phi = reduced(chain(), COMM, 1)[0].receptance_of(1).modes.R_phi  # only for its shape
     assert phi.shape == (3, 3)
     omega_n, shapes = np.linalg.eigh(scenes.stuck_stiffness(chain()))
     system = chain(shapes @ [1.0, 0.02, 1.0])
@@ -98,7 +98,7 @@ def test_a_mode_that_hardly_moves_the_pairs_is_seen():
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_no_peak_is_lost_where_the_slider_slips():
+def test_no_peak_is_missed_where_the_slider_slips():
     system = chain()
     few, amplitude, _ = curve(system, SLIPS, 10)
     omega, dense, _ = curve(system, SLIPS, 100)
@@ -108,13 +108,13 @@ def test_no_peak_is_lost_where_the_slider_slips():
         assert best_near(few, amplitude, omega[top]) > 0.7 * dense[top]
 
 
-def test_what_the_shortest_step_passes_over_is_said():
+def test_a_peak_passed_over_by_the_shortest_step_is_noted():
     _, _, notes = curve(chain(), STUCK, 10, ds_min=1.0)
     assert notes == {PASSED}
 
 
 @pytest.mark.ranks(1)
-def test_points_close_enough_stay_as_they_are(monkeypatch):
+def test_points_that_resolve_the_peaks_do_not_change(monkeypatch):
     system = scenes.SCENES["jenkins"]()
     system["loads"][0].setdefault("phase", 0.0)
     guarded = curve(system, 0.8, 60)
@@ -125,7 +125,7 @@ def test_points_close_enough_stay_as_they_are(monkeypatch):
 
 
 @pytest.mark.ranks(1)
-def test_peaks_of_the_linear_curve_between_equal_steps_are_found():
+def test_peaks_of_the_linear_curve_between_the_points_are_listed():
     omega = np.linspace(1.0, 2.0, 2001)
     u = 1.0 / (1.2**2 - omega**2 + 0.01j) + 0.3 / (1.7**2 - omega**2 + 0.01j)
     response = np.stack([0.0 * omega, u.real, -u.imag], axis=-1)[:, None]

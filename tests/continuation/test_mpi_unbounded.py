@@ -1,4 +1,4 @@
-"""Motions without damping: they grow without bound at a resonance that nothing holds, and pass through nothing beside it.
+"""Undamped motions: they grow without bound at a resonance, and do not pass through zero at other frequencies.
 
 A single pair leaves ranks without one.
 """
@@ -16,12 +16,12 @@ from microslip.continuation.ways_out import BEYOND
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
-STIFFER = 3.0  # N/m, the contact's; the mass is 1 kg, its own spring 1 N/m
-LEVEL = 0.3  # N, a third of what lifts the mass off at rest
+STIFFER = 3.0  # N/m, the contact stiffness; the mass is 1 kg, its spring 1 N/m
+LEVEL = 0.3  # N, a third of the level that lifts the mass off at rest
 
 
 def bouncing_mass():
-    """Return a mass without damping, pressed on the ground, from which it lifts off."""
+    """Return an undamped mass pressed on the ground, from which it lifts off."""
     return scenes.make_system(
         "bouncing mass",
         np.eye(1),
@@ -43,8 +43,8 @@ def falling(system):
     return branch(system, COMM, LEVEL, points=20, down=True, tolerance=1e-8)
 
 
-def test_a_branch_begins_anew_beyond_a_resonance_that_nothing_holds():
-    """High up the preload counts for nothing: half a period lasts as long as with the contact's spring, half as without."""
+def test_a_branch_starts_again_beyond_an_unbounded_resonance():
+    """At large amplitudes the preload is negligible: half a period is with the contact stiffness, half without it."""
     curve, resonance = falling(bouncing_mass()), 2.0 / (1.0 + 1.0 / np.sqrt(1.0 + STIFFER))
     assert curve.failure is None
     (first,) = (i for i, point in enumerate(curve.points) if BEYOND in point.notes)
@@ -56,25 +56,25 @@ def test_a_branch_begins_anew_beyond_a_resonance_that_nothing_holds():
         assert amplitude(point) == pytest.approx(LEVEL / (1.0 + STIFFER - point.omega**2), rel=1e-7)
 
 
-def test_towards_it_points_are_solved_sharper(monkeypatch):
-    """At the tolerance of the scene work and losses differ long before."""
+def test_points_near_an_unbounded_resonance_have_a_tighter_tolerance(monkeypatch):
+    """At the tolerance of the scene, input and losses differ at much smaller amplitudes."""
     monkeypatch.setattr(acceptance, "SHARPEST", 1.0)
     assert max(map(amplitude, falling(bouncing_mass()).points)) < 1e5
 
 
-def test_a_stuck_motion_passes_through_nothing():
-    """Where both masses move alike nothing stretches the joint: (k - omega^2 m) u = f for each of them alone."""
-    system, nowhere = structures.two_masses(zeta=0.0), np.sqrt(2.0 / 1.1)
+def test_a_stuck_motion_may_pass_through_zero():
+    """Where both masses move alike the joint is not deformed: (k - omega^2 m) u = f for each of them."""
+    system, equal_motion = structures.two_masses(zeta=0.0), np.sqrt(2.0 / 1.1)
     curve = branch(system, COMM, 1e-3, low=1.2, high=1.5, H=1, points=10)
     assert curve.failure is None and len(curve.points) < 40
     motion = COMM.bcast([float(point.U[0, 0, 1]) for point in curve.points] if COMM.rank == 0 else None)
     omega = np.array([point.omega for point in curve.points])
-    assert np.array_equal(np.sign(motion), np.sign(motion[0]) * np.where(omega < nowhere, 1.0, -1.0))
+    assert np.array_equal(np.sign(motion), np.sign(motion[0]) * np.where(omega < equal_motion, 1.0, -1.0))
 
 
 @pytest.mark.ranks(1)
-def test_the_motion_is_right_where_a_residual_leaves_more_in_it(monkeypatch):
-    """Without friction a pair slides at once, and its motion is that without its tangential springs."""
+def test_the_motion_is_accurate_where_the_residual_alone_permits_larger_errors(monkeypatch):
+    """A pair without friction slides at once, and its motion is that of the structure without tangential springs."""
     system, bound = structures.chain(mu=0.0, N0=1e3), 1e-8 * corrector.SHARP
     sliding, C = system["K"] + system["R"].T @ np.diag([0.0, 0.0, 1.0] * 2) @ system["R"], scenes.damping_matrix(system)
 
