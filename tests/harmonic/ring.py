@@ -1,7 +1,7 @@
-"""A ring of N alike sectors, each of two masses: by one sector and its groups of harmonics, and all of it as one real structure.
+"""A ring of N equal sectors of two masses each: modelled by one sector and its harmonic groups, and in full as a real structure.
 
-Mass 2 of a sector is joined to mass 1 of the next by springs and a contact pair, and to the ground by another pair.  A wave,
-u_s^n = exp(i n h s alpha) u_0^n, makes harmonic n see K(d), R(d) of the nodal diameter d = n h mod N: DESIGN.md, section 7.
+Mass 2 of a sector is joined to mass 1 of the next by springs and a contact pair, and to the ground by another pair.  For a wave,
+u_s^n = exp(i n h s alpha) u_0^n, harmonic n has the matrices K(d), R(d) of nodal diameter d = n h mod N: DESIGN.md, section 7.
 """
 
 from dataclasses import dataclass
@@ -35,10 +35,10 @@ LIMIT[2::3] = LAW["k_n"]  # K_J
 
 
 def blocks():
-    """Return the stiffness in a sector and that to the next one, K_0 and K_1 (6, 6), without contact springs."""
+    """Return the stiffness within a sector and to the next one, K_0 and K_1 (6, 6), without contact springs."""
     zero, ground = np.zeros((3, 3)), np.diag([1.0e5, 1.5e5, 2.0e5])
     K_0 = np.block([[LINK + ground, -LINK], [-LINK, LINK + ground]])
-    # energy 1/2 (u_2 - B u_1')^T NEXT^T NEXT / c (u_2 - B u_1') of a coupling that turns, B orthogonal
+    # energy 1/2 (u_2 - B u_1')^T NEXT^T NEXT / c (u_2 - B u_1') of a coupling that rotates, B orthogonal
     angle = 0.4
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
     spring = NEXT @ NEXT.T / 2.0e5
@@ -49,10 +49,10 @@ def blocks():
 
 @dataclass(frozen=True)
 class Wave:
-    """What harmonics of one nodal diameter see of a sector."""
+    """The matrices of a sector for harmonics of one nodal diameter."""
 
     K_L: np.ndarray  # (6, 6) Hermitian
-    R: np.ndarray  # (6, 6) both pairs
+    R: np.ndarray  # (6, 6) of both pairs
 
     @classmethod
     def of(cls, d, N):
@@ -96,7 +96,7 @@ class Wave:
         return Receptance(modes, static)
 
     def truncated(self, receptance):
-        """Samples of the modes that a receptance lacks, by dense algebra; None where it has all."""
+        """Return samples of the modes truncated in a receptance, by dense algebra; None if none are."""
         M, m = np.diag(MASS), len(receptance.modes.omega_n)
         if m == len(MASS):
             return None
@@ -108,12 +108,12 @@ class Wave:
         samples = Z @ (np.sqrt(MASS / energy)[:, None] * signs) / np.sqrt(SAMPLES)
         rows = np.concatenate([self.R @ samples, OUTPUT[None, :] @ samples, LOAD[None, :] @ samples])
         W = Z @ M @ Z
-        direct, own = OUTPUT[None, :] @ W @ LOAD[:, None], np.array([(LOAD @ W @ LOAD).real])
-        return of_samples(receptance, rows, direct, own, DampingBeyond(ratio=ZETA), None)
+        direct, drive = OUTPUT[None, :] @ W @ LOAD[:, None], np.array([(LOAD @ W @ LOAD).real])
+        return of_samples(receptance, rows, direct, drive, DampingBeyond(ratio=ZETA), None)
 
 
 class Sector:
-    """A sector whose harmonic n has the nodal diameter ``diameter(n)``; ``made`` says of which one was asked for."""
+    """A sector whose harmonic n has the nodal diameter ``diameter(n)``; ``made`` lists the diameters built."""
 
     def __init__(self, comm, N, diameter):
         self.comm, self.N, self.diameter, self.made = comm, N, diameter, []
@@ -127,7 +127,7 @@ class Sector:
         return Wave.of(d, self.N).receptance(self.comm, n_modes)
 
     def model(self, harmonics, n_modes=None):
-        """Return the reduced model, made by groups when they are needed."""
+        """Return the reduced model; the receptance of a group is built when it is first needed."""
         diameters = tuple(range(self.N))
         f = np.zeros((1, harmonics.n_coefficients))
         f[0, harmonics.columns(1)] = 1.0, 0.0
@@ -135,16 +135,16 @@ class Sector:
         return ReducedModel(comm=self.comm, n_pairs=2, n_outputs=1, receptances=per_group, f=f, harmonics=harmonics)
 
     def enriched(self, model):
-        """Return a model with samples of the modes that it lacks."""
+        """Return the enriched model, with samples of the truncated modes."""
         of_group = PerGroup(
             lambda d: Wave.of(d, self.N).truncated(model.receptances.of_group(d)), self.diameter, model.receptances.groups
         )
         return EnrichedModel(model, of_group, True)
 
     def physical(self, U, omega, level, harmonics, n_samples):
-        """Return R u and o u of harmonic balance in physical coordinates, u_n = D_n^-1 (f_n - R^H p_n), dense, as amplitudes.
+        """Return R u and o u of dense harmonic balance in physical coordinates, u_n = D_n^-1 (f_n - R^H p_n), as amplitudes.
 
-        ``U`` (6, N_H) are coefficients of the motion under which the pairs' forces p are those of the law.
+        The pair forces p are those of the law for the motion with coefficients ``U``.
         """
         p = self.law.cycle(U.reshape(2, 3, -1), n_samples, tangents=False, harmonics=harmonics).p
         p_n = to_complex(p.reshape(6, -1))
@@ -158,14 +158,14 @@ class Sector:
 
 
 def whole_ring(N, h):
-    """Return the ring in full, a system of tests/oracles/scenes.py, under a wave of loads; its output is that of sector 0."""
+    """Return the full ring, a system of tests/oracles/scenes.py, loaded by a travelling wave; its output is that of sector 0."""
     K_0, K_1 = blocks()
     K = np.zeros((6 * N, 6 * N))
     for s in range(N):
-        here, there = slice(6 * s, 6 * s + 6), slice(6 * ((s + 1) % N), 6 * ((s + 1) % N) + 6)
-        K[here, here] += K_0
-        K[here, there] += K_1
-        K[there, here] += K_1.T
+        this, next_one = slice(6 * s, 6 * s + 6), slice(6 * ((s + 1) % N), 6 * ((s + 1) % N) + 6)
+        K[this, this] += K_0
+        K[this, next_one] += K_1
+        K[next_one, this] += K_1.T
     second, first = 6 * np.arange(N)[:, None] + np.arange(3, 6), 6 * np.arange(N)[:, None] + np.arange(3)
     to_next = np.hstack([second, np.roll(first, -1, axis=0)])
     to_ground = np.hstack([second, np.full((N, 3), -1)])

@@ -1,4 +1,4 @@
-"""Derivatives judged by their Taylor remainder: |r(x + h d) - r(x) - h J d| falls as h^2 where no sample switches."""
+"""Derivatives checked by their Taylor remainder: |r(x + h d) - r(x) - h J d| falls as h^2 where no sample switches."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from microslip.continuation.corrector import BorderedSystem
 from microslip.continuation.iterate import Iterate
 
 STEPS = 1e-3 * 0.25 ** np.arange(4)
-UNIT = 1e-4  # of the motion [m]
+UNIT = 1e-4  # unit of the motion [m]
 
 
 class Place:
-    """A problem with a plane for each parameter, at ``share`` times its linear motion, all pairs let slip."""
+    """A problem with a plane for each parameter, at ``share`` times its linear motion; all pairs may slip."""
 
     def __init__(self, problem, parameters, share, seed=0):
         self.problem, equation = problem, problem.equation
@@ -41,7 +41,7 @@ class Place:
         return self.system.linearise(self.U, self.owned(self.nu))
 
     def residual(self, d_xi, d_nu):
-        """Return the scaled residual at a distance from the place: rows of this rank, and the constraints."""
+        """Return the scaled residual at a distance from the place: rows of this rank, and constraints."""
         return self.system.residual(self.U + UNIT * d_xi, self.owned(self.nu + d_nu))
 
     def size(self, rows, of_constraints):
@@ -51,23 +51,23 @@ class Place:
         )
 
 
-def assert_second_order(there, columns="both", rows="both"):
+def assert_second_order(place, columns="both", rows="both"):
     """Assert that the Jacobian, or a block of it, is the residual's derivative.
 
-    ``columns`` of "motion" or "parameters", ``rows`` of "motion" or "constraints".
+    ``columns`` are those of "motion" or "parameters", ``rows`` those of "motion" or "constraints".
     """
-    d_xi = there.rng.standard_normal(there.U.shape) * (columns != "parameters")
-    d_nu = 0.05 * np.random.default_rng(5).standard_normal(len(there.nu)) * (columns != "motion")
-    linear, border = there.linearise()
-    first = linear.product(d_xi, there.owned(d_nu), border)
-    here = there.residual(np.zeros_like(d_xi), np.zeros_like(d_nu))
-    seen = np.array([rows != "constraints", rows != "motion"])
+    d_xi = place.rng.standard_normal(place.U.shape) * (columns != "parameters")
+    d_nu = 0.05 * np.random.default_rng(5).standard_normal(len(place.nu)) * (columns != "motion")
+    linear, border = place.linearise()
+    first = linear.product(d_xi, place.owned(d_nu), border)
+    reference = place.residual(np.zeros_like(d_xi), np.zeros_like(d_nu))
+    included = np.array([rows != "constraints", rows != "motion"])
 
     def size(h):
-        moved = there.residual(h * d_xi, h * d_nu)
-        return there.size(*(one * (b - a - h * s) for one, a, b, s in zip(seen, here, moved, first)))
+        moved = place.residual(h * d_xi, h * d_nu)
+        return place.size(*(factor * (b - a - h * s) for factor, a, b, s in zip(included, reference, moved, first)))
 
-    assert_square_of_step([size(h) for h in STEPS], there.size(*(one * s for one, s in zip(seen, first))))
+    assert_square_of_step([size(h) for h in STEPS], place.size(*(factor * s for factor, s in zip(included, first))))
 
 
 def assert_square_of_step(remainders, first):
@@ -75,6 +75,6 @@ def assert_square_of_step(remainders, first):
     rounding = 1e-11 * first
     computed = np.maximum(remainders, rounding)
     assert first > 0.0
-    assert computed[-1] <= 1e-6 * first  # a wrong derivative leaves 1.6e-5 of its error in the last step
+    assert computed[-1] <= 1e-6 * first  # a wrong derivative leaves 1.6e-5 of its error at the smallest step
     rates = np.log2(computed[:-1] / computed[1:]) / 2.0
     assert np.all(rates[computed[1:] > 10.0 * rounding] > 1.7), (computed, first)

@@ -1,4 +1,4 @@
-"""Sets of harmonics: order of the coefficients, carrying between sets, work and contact forces on a part of the harmonics."""
+"""Sets of harmonics: order of the coefficients, conversion between sets, work and contact forces on a subset of the harmonics."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_order_of_the_coefficients():
     assert np.allclose(synthesise(np.array([2.0, 3.0, 4.0]), 16, with_mean), expected, atol=1e-14)
 
 
-def test_the_full_set_and_the_odd_one():
+def test_the_full_set_and_the_odd_set():
     full, odd = Harmonics.up_to(3), Harmonics.odd_up_to(6)
     assert full == Harmonics((0, 1, 2, 3)) == Harmonics.full(7) and hash(full) == hash(Harmonics((0, 1, 2, 3)))
     assert (full.n_coefficients, full.highest, full.has_mean, list(full.above_mean)) == (7, 3, True, [1, 2, 3])
@@ -43,40 +43,40 @@ def test_the_full_set_and_the_odd_one():
 
 
 @pytest.mark.parametrize("chosen", [(), (-1, 0), (1, 1), (3, 1)])
-def test_what_is_no_set_is_refused(chosen):
+def test_sets_that_are_empty_negative_or_not_increasing_are_rejected(chosen):
     with pytest.raises(ValueError, match="each above the one before"):
         Harmonics(chosen)
 
 
-def test_coefficients_that_do_not_fit_their_set_are_refused():
+def test_coefficients_that_do_not_fit_their_set_are_rejected():
     with pytest.raises(ValueError, match="6 coefficients are not those of the harmonics 0 to H"):
         synthesise(np.zeros(6), 16)
     with pytest.raises(ValueError, match="5 coefficients for the harmonics 1, 3, which have 4"):
         Harmonics((1, 3)).carry(np.zeros(5), Harmonics.up_to(3))
-    one = np.ones(1)
+    ones = np.ones(1)
     with pytest.raises(ValueError, match="5 coefficients for the harmonics 1, 3, which have 4"):
-        ElasticCoulomb(one, one, one, one, one > 2).cycle(np.zeros((1, 3, 5)), 16, harmonics=Harmonics((1, 3)))
+        ElasticCoulomb(ones, ones, ones, ones, ones > 2).cycle(np.zeros((1, 3, 5)), 16, harmonics=Harmonics((1, 3)))
 
 
 @given(sets, sets, seeds)
-def test_carried_coefficients_mean_the_same_motion_less_what_is_dropped(a, b, seed):
+def test_converted_coefficients_are_the_same_motion_without_the_dropped_harmonics(a, b, seed):
     U = coefficients(a, seed, 2, 3)
     everything = Harmonics.up_to(9)
-    assert np.array_equal(everything.carry(a.carry(U, everything), a), U)  # there and back: all is kept
-    there = a.carry(U, b)
+    assert np.array_equal(everything.carry(a.carry(U, everything), a), U)  # conversion to a larger set and back loses nothing
+    carried = a.carry(U, b)
     samples, N_t = synthesise(U, 32, a), 32
-    assert np.allclose(there, analyse(samples, b) * [n in a for n in b.chosen for _ in range(2 if n else 1)], atol=1e-12)
+    assert np.allclose(carried, analyse(samples, b) * [n in a for n in b.chosen for _ in range(2 if n else 1)], atol=1e-12)
     shared = [n for n in a.chosen if n in b]
     if shared:
         common = Harmonics(tuple(shared))
-        assert np.array_equal(b.carry(there, common), a.carry(U, common))
-        assert np.allclose(synthesise(there, N_t, b), synthesise(a.carry(U, common), N_t, common), atol=1e-12)
+        assert np.array_equal(b.carry(carried, common), a.carry(U, common))
+        assert np.allclose(synthesise(carried, N_t, b), synthesise(a.carry(U, common), N_t, common), atol=1e-12)
     else:
-        assert not there.any()
+        assert not carried.any()
 
 
 @given(sets, seeds, st.integers(0, 40))
-def test_analysis_undoes_synthesis(harmonics, seed, extra):
+def test_analysis_inverts_synthesis(harmonics, seed, extra):
     N_t = 2 * harmonics.highest + 1 + extra
     assert np.allclose(
         analysis_matrix(harmonics, N_t) @ synthesis_matrix(harmonics, N_t), np.eye(harmonics.n_coefficients), atol=1e-13
@@ -112,8 +112,8 @@ def test_complex_amplitudes_and_products_harmonic_by_harmonic(harmonics, seed):
 
 
 @given(sets, seeds, st.integers(0, 30))
-def test_contact_forces_on_a_set_are_those_of_the_full_set_there(harmonics, seed, extra):
-    """The motion is the same; p and dp/dU are the rows and columns of the set."""
+def test_contact_forces_on_a_subset_are_those_of_the_full_set(harmonics, seed, extra):
+    """For the same motion, p and dp/dU are the rows and columns of the set."""
     rng = np.random.default_rng(seed)
     full = Harmonics.up_to(harmonics.highest)
     n, N_t = 12, 2 * harmonics.highest + 1 + extra
@@ -137,7 +137,7 @@ def test_contact_forces_on_a_set_are_those_of_the_full_set_there(harmonics, seed
 
 @given(sets, seeds)
 def test_diagonal_part_of_a_derivative_is_exact_for_complex_linear_maps(harmonics, seed):
-    """P made of complex 3 x 3 blocks, one a harmonic, gives these blocks back."""
+    """A matrix P built from complex 3 x 3 blocks, one per harmonic, returns these blocks."""
     rng, N_H = np.random.default_rng(seed), harmonics.n_coefficients
     blocks = rng.standard_normal((len(harmonics), 3, 3)) + 1j * rng.standard_normal((len(harmonics), 3, 3))
     blocks[harmonics.numbers == 0] = blocks[harmonics.numbers == 0].real
@@ -149,14 +149,14 @@ def test_diagonal_part_of_a_derivative_is_exact_for_complex_linear_maps(harmonic
 @pytest.mark.parametrize("harmonics", [Harmonics.up_to(3), Harmonics.odd_up_to(5)])
 @pytest.mark.parametrize("n_modes", [0, 4])
 @pytest.mark.parametrize("full", [False, True])
-def test_modal_products_of_several_forces_are_those_of_each(harmonics, n_modes, full):
+def test_modal_products_of_several_forces_equal_single_products(harmonics, n_modes, full):
     rng, h = np.random.default_rng(7), len(harmonics)
     c = rng.standard_normal((h, n_modes, n_modes)) + 1j * rng.standard_normal((h, n_modes, n_modes))
     c[harmonics.numbers == 0] = c[harmonics.numbers == 0].real
     c = c if full else c.diagonal(axis1=1, axis2=2).T
     q = rng.standard_normal((n_modes, 3, harmonics.n_coefficients))
-    together = Flexibility(c).apply(q)
+    products = Flexibility(c).apply(q)
     for i in range(3):
         amplitudes = np.einsum("hij,jh->ih", c, to_complex(q[:, i])) if full else c * to_complex(q[:, i])
-        assert np.allclose(to_complex(together[:, i]), amplitudes)
-        assert np.allclose(Flexibility(c).apply(q[:, i]), together[:, i])
+        assert np.allclose(to_complex(products[:, i]), amplitudes)
+        assert np.allclose(Flexibility(c).apply(q[:, i]), products[:, i])

@@ -33,31 +33,31 @@ def equation():
 
 
 @pytest.mark.parametrize("pairs", [[0], [1], [0, 1]])
-def test_rows_of_few_pairs_vanish_at_the_forces_of_the_others(equation, pairs):
+def test_elimination_solves_the_rows_of_few_pairs_for_fixed_forces_of_the_others(equation, pairs):
     pairs, U = np.array(pairs), equation.linear_motion(AT) * 0.8
     forces = equation.contact_forces(U, equation.every_pair, tangents=False)
     r = equation.residual(U, AT, forces)
     V = eliminated(equation, AT, pairs, U, r)
     p = equation.full_force(forces).reshape(-1, 3, equation.model.N_H).copy()
-    there = equation.full_force(equation.contact_forces(V, equation.every_pair, tangents=False)).reshape(p.shape)
-    p[pairs] = there[pairs]
+    forces_of_V = equation.full_force(equation.contact_forces(V, equation.every_pair, tangents=False)).reshape(p.shape)
+    p[pairs] = forces_of_V[pairs]
     every = np.arange(equation.model.n_pairs)
-    left = equation.gather(equation.residual_under(V, AT, every, p.reshape(-1, equation.model.N_H)))
+    remaining = equation.gather(equation.residual_under(V, AT, every, p.reshape(-1, equation.model.N_H)))
     before, others = equation.gather(r), np.setdiff1d(every, pairs)
-    assert np.linalg.norm(left[pairs]) < 1e-2 * np.linalg.norm(before[pairs])
+    assert np.linalg.norm(remaining[pairs]) < 1e-2 * np.linalg.norm(before[pairs])
     np.testing.assert_array_equal(equation.gather(V)[others], equation.gather(U)[others])
 
 
-def test_pairs_with_most_of_a_residual(equation, monkeypatch):
+def test_pairs_with_most_of_the_residual_are_selected(equation, monkeypatch):
     r = np.zeros((equation.model.n_pairs, *equation.shape[1:]))
     r[1], none = 1.0, np.zeros(0, dtype=int)
-    assert with_most_of(equation, r[equation.model.owned], none, 2) is None  # one of two is many
+    assert with_most_of(equation, r[equation.model.owned], none, 2) is None  # one pair of two is not few
     monkeypatch.setattr(few_pairs, "FEW", 1)
     np.testing.assert_array_equal(with_most_of(equation, r[equation.model.owned], none, 2), [1])
     np.testing.assert_array_equal(with_most_of(equation, r[equation.model.owned], np.array([0]), 2), [0, 1])
 
 
-def test_solutions_are_those_of_newtons_method_alone(equation, monkeypatch):
+def test_solutions_with_elimination_are_those_of_newtons_method(equation, monkeypatch):
     solutions, calls = [], []
     guess = Iterate(equation.linear_motion(AT), (AT.omega,), equation.harmonics)
     scaling = Scaling(float(np.sqrt(COMM.allreduce(np.sum(guess.U**2)))), (1.0,))

@@ -1,5 +1,5 @@
-"""Groups of harmonics, each with its own stiffness and complex coupling, through all that solves with them: against dense harmonic
-balance in physical coordinates, a matrix a harmonic, and against a ring in full.  On any number of ranks, one without a pair."""
+"""Harmonic groups with different stiffness and complex coupling, in all solvers: compared with dense harmonic balance in physical
+coordinates, one matrix per harmonic, and with a full ring.  On any number of ranks, one without a pair."""
 
 import numpy as np
 import pytest
@@ -32,12 +32,12 @@ N, N_SAMPLES, OMEGA, LEVEL = 5, 160, 700.0, 150.0
 
 
 def two_groups(n):
-    """The even harmonics stand still from sector to sector: real; the odd ones have nodal diameter 1: complex."""
+    """The even harmonics have nodal diameter 0 and are real; the odd harmonics have nodal diameter 1 and are complex."""
     return n % 2
 
 
 def wave(n):
-    """A wave of h = 1: every harmonic up to 4 has a nodal diameter of its own."""
+    """A wave of h = 1: each harmonic up to 4 has a different nodal diameter."""
     return n % N
 
 
@@ -54,7 +54,7 @@ def whole(owned):
     return np.concatenate(COMM.allgather(owned))
 
 
-def test_the_groups_differ_and_one_is_complex():
+def test_the_stiffness_of_the_groups_differs_and_one_is_complex():
     even, odd = (Wave.of(two_groups(n), N) for n in (0, 1))
     assert not np.iscomplexobj(even.K_L) and np.abs(odd.K_L.imag).max() > 0.05 * np.abs(odd.K_L).max()
     assert np.abs(odd.K_L - odd.K_L.conj().T).max() == pytest.approx(0.0, abs=1e-9)
@@ -78,18 +78,18 @@ def test_the_residual_is_that_of_dense_harmonic_balance(diameter):
 @pytest.mark.parametrize("problem", ["frequency", "level", "damping"])
 def test_the_jacobian_is_the_derivative_of_the_residual(problem):
     _, equation = equation_of()
-    of, parameters = {
+    continued, parameters = {
         "frequency": (ForcedResponse(equation, LEVEL), (OMEGA,)),
         "level": (LevelHomotopy(equation, OMEGA), (LEVEL,)),
         "damping": (DampingHomotopy(equation, OMEGA, LEVEL), (0.6,)),
     }[problem]
-    there = Place(of, parameters, 1.3)
-    assert there.n_active == 2
-    assert_second_order(there)
+    place = Place(continued, parameters, 1.3)
+    assert place.n_active == 2
+    assert_second_order(place)
 
 
 @pytest.mark.parametrize("direct", [100, 0], ids=["by a factor", "by GMRES"])
-def test_the_transposed_system_is_solved(direct, monkeypatch):
+def test_the_transposed_system_of_two_groups_is_solved(direct, monkeypatch):
     monkeypatch.setattr("microslip.harmonic.adjoint_solver.DIRECT", direct)
     _, equation = equation_of(wave)
     at = OperatingPoint(OMEGA, LEVEL)
@@ -146,7 +146,7 @@ def amplitudes(points):
     return np.array([amplitude(point.response[0], H3) for point in points])
 
 
-def test_error_bars_ask_for_groups_that_nobody_made_and_hold_what_more_harmonics_change():
+def test_error_bars_build_further_groups_and_bound_the_effect_of_more_harmonics():
     omegas = list(np.linspace(620.0, 760.0, 8))
     sector, harmonics = Sector(COMM, N, wave), Harmonics((1, 5))
     model = sector.model(harmonics)
@@ -162,7 +162,7 @@ def test_error_bars_ask_for_groups_that_nobody_made_and_hold_what_more_harmonics
     assert (true > 1e-6 * peak).all() and (true <= bars).all() and np.median(bars / true) < 12.0
 
 
-def test_error_bars_hold_what_truncated_modes_of_each_group_change():
+def test_error_bars_bound_the_effect_of_truncated_modes_of_each_group():
     omegas = list(np.linspace(620.0, 760.0, 5))
     sector = Sector(COMM, N, wave)
     model = sector.model(H3, n_modes=4)
@@ -174,24 +174,24 @@ def test_error_bars_hold_what_truncated_modes_of_each_group_change():
     assert (true <= 3.0 * parts).all() and np.median(parts / true) < 30.0
 
 
-def test_a_model_for_some_of_the_ranks_has_every_group():
+def test_a_model_on_a_subset_of_the_ranks_has_every_group():
     _, equation = equation_of(wave)
-    alone = on_ranks(equation.model, MPI.COMM_SELF)
+    on_one_rank = on_ranks(equation.model, MPI.COMM_SELF)
     U = 1e-3 * np.random.default_rng(1).standard_normal((2, 3, H3.n_coefficients))
-    at, own = OperatingPoint(OMEGA, LEVEL), HarmonicBalance.of_all(alone, Sector(COMM, N, wave).law, N_SAMPLES)
-    mine = own.residual(U, at, own.contact_forces(U, own.every_pair, tangents=False))
+    at, whole_balance = OperatingPoint(OMEGA, LEVEL), HarmonicBalance.of_all(on_one_rank, Sector(COMM, N, wave).law, N_SAMPLES)
+    expected = whole_balance.residual(U, at, whole_balance.contact_forces(U, whole_balance.every_pair, tangents=False))
     part = U[equation.model.owned]
     forces = equation.contact_forces(part, equation.every_pair, tangents=False)
-    np.testing.assert_allclose(mine[equation.model.owned], equation.residual(part, at, forces), atol=1e-14)
+    np.testing.assert_allclose(expected[equation.model.owned], equation.residual(part, at, forces), atol=1e-14)
 
 
 @pytest.mark.parametrize("h", [1, 2, -1])
-def test_a_sector_answers_as_the_ring_in_full(h):
-    """Where all pairs slip in each cycle the sliders' start is forgotten, and the ring in full moves as a wave."""
+def test_the_response_of_a_sector_is_that_of_the_full_ring(h):
+    """Where all pairs slip in each cycle the initial slider positions are forgotten, and the full ring vibrates as a wave."""
     omegas = [640.0, 700.0, 730.0]
     sector = Sector(COMM, N, lambda n: (n * h) % N)
-    own = at_frequencies(forced(sector.model(H3), sector.law, N_SAMPLES, 400.0), AllPairs(), omegas, tolerance=1e-11).points
+    of_sector = at_frequencies(forced(sector.model(H3), sector.law, N_SAMPLES, 400.0), AllPairs(), omegas, tolerance=1e-11).points
     model, law = reduced(whole_ring(N, h), COMM, H3)
     full = at_frequencies(forced(model, law, N_SAMPLES, 400.0), AllPairs(), omegas, tolerance=1e-11).points
-    assert len(own) == len(full) == 3
-    np.testing.assert_allclose(amplitudes(own), amplitudes(full), rtol=1e-6)
+    assert len(of_sector) == len(full) == 3
+    np.testing.assert_allclose(amplitudes(of_sector), amplitudes(full), rtol=1e-6)

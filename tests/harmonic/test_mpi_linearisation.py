@@ -43,7 +43,7 @@ def chain(H=3, full_damping=False):
 
 
 class TwoParameters(ProblemBase):
-    """The same equation over frequency and level at once: what a peak, followed over the level, will be."""
+    """The equation over frequency and level at once, as a peak that is followed over the level."""
 
     def at(self, parameters):
         return OperatingPoint(*parameters)
@@ -54,7 +54,7 @@ class TwoParameters(ProblemBase):
 
 @dataclass(frozen=True, eq=False)
 class FrequencyAndLaw(ProblemBase):
-    """The same equation over frequency and a parameter of the contact law."""
+    """The equation over frequency and a parameter of the contact law."""
 
     varies: LawParameter
 
@@ -70,7 +70,7 @@ class FrequencyAndLaw(ProblemBase):
 
 
 def over(name, pairs, shape, share_of_preload=1.0):
-    """Return what makes a problem over the frequency and a parameter of some pairs; a negative share of N0 is a gap."""
+    """Return the maker of a problem over frequency and a parameter of some pairs; a negative share of N0 is a gap."""
     parameter = LawParameter(name, np.array(pairs), np.array(shape))
 
     def problem(equation):
@@ -101,22 +101,22 @@ PROBLEMS = {
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_jacobian_is_the_derivative_of_the_residual(name, full_damping, columns, rows):
     problem, parameters = PROBLEMS[name]
-    there = Place(problem(chain(full_damping=full_damping)), parameters, 1.3)
-    assert there.n_active == 2
-    assert_second_order(there, columns, rows)
+    place = Place(problem(chain(full_damping=full_damping)), parameters, 1.3)
+    assert place.n_active == 2
+    assert_second_order(place, columns, rows)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_rows_of_an_output_have_the_derivatives_of_its_phase_and_amplitude(name):
-    """Of every parameter, also of those that the contact forces depend on where the motion stays."""
+def test_constraints_on_phase_and_amplitude_of_an_output_have_exact_derivatives(name):
+    """The derivatives by every parameter, including those that change the contact forces at constant motion."""
     problem, parameters = PROBLEMS[name]
-    there = Place(problem(chain()), parameters, 1.3)
-    there.system = replace(there.system, constraints=(PhaseRow(0, UNIT, 0.7), AmplitudeRow(0, UNIT))[: len(parameters)])
-    d_xi, d_nu = there.rng.standard_normal(there.U.shape), 0.05 * np.random.default_rng(5).standard_normal(len(parameters))
-    linear, border = there.linearise()
-    _, rate = linear.product(d_xi, there.owned(d_nu), border)
-    _, ahead = there.residual(1e-5 * d_xi, 1e-5 * d_nu)
-    _, behind = there.residual(-1e-5 * d_xi, -1e-5 * d_nu)
+    place = Place(problem(chain()), parameters, 1.3)
+    place.system = replace(place.system, constraints=(PhaseRow(0, UNIT, 0.7), AmplitudeRow(0, UNIT))[: len(parameters)])
+    d_xi, d_nu = place.rng.standard_normal(place.U.shape), 0.05 * np.random.default_rng(5).standard_normal(len(parameters))
+    linear, border = place.linearise()
+    _, rate = linear.product(d_xi, place.owned(d_nu), border)
+    _, ahead = place.residual(1e-5 * d_xi, 1e-5 * d_nu)
+    _, behind = place.residual(-1e-5 * d_xi, -1e-5 * d_nu)
     assert rate == pytest.approx((ahead - behind) / 2e-5, rel=1e-6, abs=1e-6 * np.abs(rate).max())
 
 
@@ -131,62 +131,62 @@ def test_held_mean_slip_is_in_the_derivative(name):
 @pytest.mark.parametrize("option, tolerance", [(None, 2e-3), ("1e-10", 1e-8)])
 @pytest.mark.parametrize("share", [1e-2, 1.3])
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_step_solves_the_whole_bordered_system(name, share, option, tolerance):
+def test_a_newton_step_solves_the_bordered_system(name, share, option, tolerance):
     problem, parameters = PROBLEMS[name]
-    there, options = Place(problem(chain()), parameters, share), PETSc.Options()
+    place, options = Place(problem(chain()), parameters, share), PETSc.Options()
     if option:
-        options["hb_ksp_rtol"] = option  # and with it double precision
+        options["hb_ksp_rtol"] = option  # it also selects double precision
     solver = NewtonSolver(COMM)
     try:
-        linear, border = there.linearise()
-        b_U, b_nu = there.rng.standard_normal(there.U.shape), np.arange(1.0, 1.0 + len(parameters))
-        step = linear.solve(b_U, there.owned(b_nu), border, solver)
+        linear, border = place.linearise()
+        b_U, b_nu = place.rng.standard_normal(place.U.shape), np.arange(1.0, 1.0 + len(parameters))
+        step = linear.solve(b_U, place.owned(b_nu), border, solver)
         rows, of_constraints = linear.product(step.d_xi, step.d_nu_owned, border)
     finally:
         options.delValue("hb_ksp_rtol")
         solver.destroy()
     assert step.reason > 0
     assert step.product == pytest.approx(rows, abs=1e-8)
-    assert there.size(rows - b_U, of_constraints - b_nu) < tolerance * there.size(b_U, b_nu)
+    assert place.size(rows - b_U, of_constraints - b_nu) < tolerance * place.size(b_U, b_nu)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_solver_solves_the_system_of_one_place_after_that_of_another(name):
-    """The same pairs are active; with a parameter of their stiffness the structure is another one."""
+def test_a_solver_solves_systems_of_different_points_one_after_the_other(name):
+    """The same pairs are active; a parameter of their stiffness changes the structure."""
     problem, parameters = PROBLEMS[name]
     options, solver, equation = PETSc.Options(), NewtonSolver(COMM), chain()
     options["hb_ksp_rtol"] = "1e-10"
     try:
         for factor in (1.0, 1.2, 0.9):
-            there = Place(problem(equation), (*parameters[:-1], factor * parameters[-1]), 1.3)
-            assert there.n_active == 2
-            linear, border = there.linearise()
-            b_U, b_nu = there.rng.standard_normal(there.U.shape), np.arange(1.0, 1.0 + len(parameters))
-            step = linear.solve(b_U, there.owned(b_nu), border, solver)
+            place = Place(problem(equation), (*parameters[:-1], factor * parameters[-1]), 1.3)
+            assert place.n_active == 2
+            linear, border = place.linearise()
+            b_U, b_nu = place.rng.standard_normal(place.U.shape), np.arange(1.0, 1.0 + len(parameters))
+            step = linear.solve(b_U, place.owned(b_nu), border, solver)
             rows, of_constraints = linear.product(step.d_xi, step.d_nu_owned, border)
-            assert there.size(rows - b_U, of_constraints - b_nu) < 1e-8 * there.size(b_U, b_nu)
+            assert place.size(rows - b_U, of_constraints - b_nu) < 1e-8 * place.size(b_U, b_nu)
     finally:
         options.delValue("hb_ksp_rtol")
         solver.destroy()
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_step_is_found_where_gmres_fails(name):
-    """GMRES is stopped after the few iterations that borders take with an exact preconditioner."""
+def test_a_newton_step_is_solved_directly_where_gmres_fails(name):
+    """GMRES stops after the few iterations that borders need with an exact preconditioner."""
     problem, parameters = PROBLEMS[name]
-    there, options, solver = Place(problem(chain()), parameters, 1.3), PETSc.Options(), NewtonSolver(COMM)
+    place, options, solver = Place(problem(chain()), parameters, 1.3), PETSc.Options(), NewtonSolver(COMM)
     options["hb_ksp_rtol"], options["hb_ksp_max_it"] = "1e-7", "9"
     try:
-        linear, border = there.linearise()
-        b_U, b_nu = there.rng.standard_normal(there.U.shape), np.arange(1.0, 1.0 + len(parameters))
-        step = linear.solve(b_U, there.owned(b_nu), border, solver)
+        linear, border = place.linearise()
+        b_U, b_nu = place.rng.standard_normal(place.U.shape), np.arange(1.0, 1.0 + len(parameters))
+        step = linear.solve(b_U, place.owned(b_nu), border, solver)
         rows, of_constraints = linear.product(step.d_xi, step.d_nu_owned, border)
     finally:
         options.delValue("hb_ksp_rtol")
         options.delValue("hb_ksp_max_it")
         solver.destroy()
     assert step.reason > 0 and isinstance(solver.preconditioner, WholeInverse)
-    assert there.size(rows - b_U, of_constraints - b_nu) < 1e-6 * there.size(b_U, b_nu)
+    assert place.size(rows - b_U, of_constraints - b_nu) < 1e-6 * place.size(b_U, b_nu)
 
 
 @pytest.mark.parametrize("name", ["frequency", "level", "damping"])
@@ -201,21 +201,21 @@ def test_the_adjoint_gives_the_gradient_of_the_forces_along_the_solution(name):
     guess = Iterate(equation.linear_motion(problem.at(unit)), unit, equation.harmonics)
 
     def solved(h):
-        """Return the linearisation at the solution of a parameter ``h`` times itself further, and <B, p>."""
-        there = replace(guess, parameters=(parameter * (1.0 + h),))
-        system = BorderedSystem(problem, (Plane.fixed_parameter(there),), Scaling(UNIT, unit), equation.every_pair)
-        correction = corrector.correct(system, there)
+        """Return the linearisation at the solution for the parameter times 1 + ``h``, and <B, p>."""
+        place = replace(guess, parameters=(parameter * (1.0 + h),))
+        system = BorderedSystem(problem, (Plane.fixed_parameter(place),), Scaling(UNIT, unit), equation.every_pair)
+        correction = corrector.correct(system, place)
         assert correction.failure is None
         forces = equation.contact_forces(correction.iterate.U, equation.every_pair, tangents=True)
         p = np.vdot(B, equation.full_force(forces))
-        return Linearisation.of(equation, problem.at(there.parameters), forces), p
+        return Linearisation.of(equation, problem.at(place.parameters), forces), p
 
     try:
-        linear, here = solved(0.0)
+        linear, reference = solved(0.0)
         _, tau, is_solved = linear.solve_transposed(B, solver)
         (rate,) = problem.rates(unit)
         slope = -parameter * COMM.allreduce(float(np.vdot(tau[0], linear.rate(rate))))
-        remainders = [abs(solved(h)[1] - here - h * slope) for h in STEPS]
+        remainders = [abs(solved(h)[1] - reference - h * slope) for h in STEPS]
     finally:
         options.delValue("hb_ksp_rtol")
         corrector.destroy()
@@ -224,13 +224,13 @@ def test_the_adjoint_gives_the_gradient_of_the_forces_along_the_solution(name):
     assert_square_of_step(remainders, abs(slope))
 
 
-def test_the_law_of_an_operating_point_is_that_of_its_values_and_is_kept():
+def test_the_law_of_an_operating_point_has_its_parameters_and_is_cached():
     equation = chain()
     some, all_of = LawParameter("N0", np.array([1]), np.array([40.0])), LawParameter("mu", np.arange(2), np.array([0.3, 0.25]))
     at = OperatingPoint(OMEGA, LEVEL, law=((some, 0.5), (all_of, 2.0)))
     computed = equation.under(at)
-    own = equation.model.owned
-    assert computed.law.N0.tolist() == [60.0, 20.0][own] and computed.law.mu.tolist() == [0.6, 0.5][own]
+    owned = equation.model.owned
+    assert computed.law.N0.tolist() == [60.0, 20.0][owned] and computed.law.mu.tolist() == [0.6, 0.5][owned]
     assert equation.under(replace(at, omega=600.0)) is computed
     assert equation.under(replace(at, law=((some, 0.6), (all_of, 2.0)))) is not computed
     assert equation.under(OperatingPoint(OMEGA, LEVEL)) is equation
@@ -250,8 +250,8 @@ def test_the_rate_by_a_law_parameter_is_the_slope_of_the_residual(name, held):
         return Linearisation.of(under, at, under.contact_forces(U, equation.every_pair, tangents=True))
 
     def residual(value):
-        there = linear(value)
-        return there.equation.residual(U, there.at, there.forces)
+        place = linear(value)
+        return place.equation.residual(U, place.at, place.forces)
 
     h = 1e-5 * value
     rate = equation.gather(linear(value).rate(problem.rates((omega, value))[1]))
@@ -260,8 +260,8 @@ def test_the_rate_by_a_law_parameter_is_the_slope_of_the_residual(name, held):
     assert np.abs(rate - slope).max() < 1e-6 * np.abs(slope).max()
 
 
-def test_two_parameters_and_two_constraints_give_the_level_at_which_a_pair_moves_so_far():
-    """The frequency is held, a component of the motion is asked for: the level is found that the forced response has there."""
+def test_two_parameters_and_two_constraints_give_the_level_of_a_prescribed_motion():
+    """The frequency and a component of the motion are prescribed: the solution has the level of the forced response."""
     equation, omega = chain(), 560.0
     forced_response = ForcedResponse(equation, LEVEL)
     corrector = Corrector(COMM, equation.shape, 1e-10)
@@ -281,14 +281,14 @@ def test_two_parameters_and_two_constraints_give_the_level_at_which_a_pair_moves
     about = Iterate(U, (omega, 0.0), equation.harmonics)
     constraints = (Plane.fixed_parameter(about), Plane(about, n_U, (0.0, 0.0)))
     system = BorderedSystem(TwoParameters(equation), constraints, Scaling(size, (400.0, LEVEL)), equation.every_pair)
-    again = corrector.correct(system, away)
+    solution = corrector.correct(system, away)
     corrector.destroy()
-    assert again.failure is None
-    assert again.iterate.parameters == pytest.approx((omega, LEVEL), rel=1e-7)
-    assert again.iterate.U == pytest.approx(U, abs=1e-7 * size)
+    assert solution.failure is None
+    assert solution.iterate.parameters == pytest.approx((omega, LEVEL), rel=1e-7)
+    assert solution.iterate.U == pytest.approx(U, abs=1e-7 * size)
 
 
-def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration():
+def test_damping_homotopy_starts_without_vibration_and_ends_at_the_problem():
     equation = chain()
     homotopy = DampingHomotopy(equation, OMEGA, LEVEL)
     U = equation.linear_motion(OperatingPoint(OMEGA, LEVEL))
@@ -300,15 +300,15 @@ def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration
 
 
 def test_forces_and_columns_of_the_last_evaluation_are_reused_for_the_same_point_only():
-    equation, fresh = chain(), chain()
+    equation, without_cache = chain(), chain()
     U = np.zeros(equation.shape)
     first = equation.contact_forces(U, equation.every_pair, tangents=False)
-    again = equation.contact_forces(U, equation.every_pair, tangents=True)  # sticking pairs have no tangents
-    assert first.P is None and again.P.shape == (0, 3 * equation.model.N_H, 3 * equation.model.N_H)
+    with_tangents = equation.contact_forces(U, equation.every_pair, tangents=True)  # sticking pairs have no tangents
+    assert first.P is None and with_tangents.P.shape == (0, 3 * equation.model.N_H, 3 * equation.model.N_H)
     p = np.random.default_rng(5).standard_normal((3 * equation.model.n_pairs, equation.model.N_H))
     pairs = np.arange(equation.model.n_pairs)
     for omega, active in [(OMEGA, pairs), (OMEGA, pairs), (OMEGA, pairs[:1]), (1.1 * OMEGA, pairs[:1]), (OMEGA, pairs)]:
-        at, columns = OperatingPoint(omega, LEVEL), replace(fresh).receptance(OperatingPoint(omega, LEVEL), active)
+        at, columns = OperatingPoint(omega, LEVEL), replace(without_cache).receptance(OperatingPoint(omega, LEVEL), active)
         some = p[: 3 * len(active)]
         np.testing.assert_array_equal(equation.receptance(at, active).apply(some), columns.apply(some))
     assert equation.receptance(at, pairs) is equation.receptance(at, pairs)

@@ -1,4 +1,4 @@
-"""What holds the mean slip of a body: its largest share, by products with rows of the ranks and by the whole matrix."""
+"""The share of the joint in the stiffness that holds a body: by products with distributed rows and by the whole matrix."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ COMM = MPI.COMM_WORLD
 
 
 def block(n_pairs=12, k=0.3):
-    """A body of many masses, on springs and on pairs of which each has stiffnesses of its own."""
+    """A body of many masses on springs and on pairs of different stiffness."""
     rng = np.random.default_rng(5)
     n, A = 3 * n_pairs, rng.standard_normal((3 * n_pairs, 3 * n_pairs))
     return scenes.make_system(
@@ -41,7 +41,7 @@ def test_the_largest_share_is_that_of_the_whole_matrix(monkeypatch, way):
     k = np.stack([system["k_t"], system["k_t"], system["k_n"]], axis=1).ravel()
     G = system["R"] @ np.linalg.inv(system["K"] + system["R"].T @ (k[:, None] * system["R"])) @ system["R"].T
     rows = np.flatnonzero(np.arange(len(G)) % 3 < 2)
-    known = np.linalg.eigvalsh(np.sqrt(k[rows, None]) * G[np.ix_(rows, rows)] * np.sqrt(k[rows]))[-1]
+    expected = np.linalg.eigvalsh(np.sqrt(k[rows, None]) * G[np.ix_(rows, rows)] * np.sqrt(k[rows]))[-1]
 
     def ends_early(*_, **__):
         raise ArpackNoConvergence("no", np.zeros(0), np.zeros((0, 0)))
@@ -49,5 +49,5 @@ def test_the_largest_share_is_that_of_the_whole_matrix(monkeypatch, way):
     monkeypatch.setattr(mean_slip, "_FEW", 200 if way == "all of it" else 0)
     if way == "products that do not converge":
         monkeypatch.setattr(mean_slip.sla, "eigsh", ends_early)
-    assert 0.1 < known < 0.999
-    assert mean_slip._largest_share(model, law.take(np.arange(model.n_pairs)[model.owned])) == pytest.approx(known, rel=1e-9)
+    assert 0.1 < expected < 0.999
+    assert mean_slip._largest_share(model, law.take(np.arange(model.n_pairs)[model.owned])) == pytest.approx(expected, rel=1e-9)

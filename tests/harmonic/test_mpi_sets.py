@@ -1,4 +1,4 @@
-"""Harmonic balance on sets of harmonics: derivatives, the static problem, odd harmonics alone; on any number of ranks."""
+"""Harmonic balance on sets of harmonics: derivatives, the static problem, odd harmonics; on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ SETS = [(0, 1, 2, 3), (1, 3, 5), (0, 1, 3), (1,), (0,), (2, 3)]
 
 
 def scene(name, harmonic=None):
-    """Return an oracle's system; all its loads in one harmonic where that is given."""
+    """Return an oracle's system, with all loads in one harmonic if it is given."""
     system = scenes.SCENES[name]()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
@@ -31,7 +31,7 @@ def scene(name, harmonic=None):
 
 
 def row_of_masses(n=3, separate=False, flat=False):
-    """Return masses in a row, each on a friction pair to ground that moves in x alone, in x and y if ``flat``."""
+    """Return masses in a row, each on a friction pair to ground that moves in x, or in x and y if ``flat``."""
     k = 4.0 * np.eye(n) - 1.5 * np.eye(n, k=1) - 1.5 * np.eye(n, k=-1)
     if not flat:
         pairs = [[i, -1, -1, -1, -1, -1] for i in range(n)]
@@ -65,15 +65,15 @@ def test_jacobian_is_the_derivative_of_the_residual(chosen):
     harmonics = Harmonics(chosen)
     system = scene("chain", harmonic=chosen[min(1, len(chosen) - 1)])
     problem = forced(*reduced(system, COMM, harmonics), 128, 100.0)
-    there = Place(problem, (555.0,), 1.3)
-    assert there.n_active > 0 and problem.equation.shape[2] == harmonics.n_coefficients
-    assert_second_order(there)
+    place = Place(problem, (555.0,), 1.3)
+    assert place.n_active > 0 and problem.equation.shape[2] == harmonics.n_coefficients
+    assert_second_order(place)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("chosen", [pytest.param((1, 3, 5), marks=pytest.mark.ranks(1)), (0, 1, 3)])
-def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
-    """A branch on a part of the harmonics: its residual in the full set vanishes in these rows, and its energy closes."""
+def test_a_subset_of_harmonics_solves_its_rows_of_the_full_set(chosen):
+    """A branch on a subset of the harmonics: its residual in the full set vanishes in these rows, and its energy is balanced."""
     harmonics, full = Harmonics(chosen), Harmonics.up_to(5)
     system = scene("chain")
     curve = branch(system, COMM, 20.0, low=530.0, high=590.0, H=harmonics, points=8, tolerance=1e-11)
@@ -92,12 +92,12 @@ def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
 
 
 def full_of(U, full):
-    """Return recorded coefficients, of a full set, as those of another."""
+    """Return recorded coefficients, of a full set, as those of another set."""
     return Harmonics.full(U.shape[-1]).carry(U, full)
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_points_record_the_harmonics_that_the_model_ever_had():
+def test_points_record_all_harmonics_that_the_model_had():
     model, parameters = reduced(row_of_masses(), COMM, Harmonics.up_to(4))
     odd = model.with_harmonics(Harmonics((1, 3)))
     assert (
@@ -113,17 +113,17 @@ def test_points_record_the_harmonics_that_the_model_ever_had():
         assert COMM.rank > 0 or point.U.shape == point.p.shape == (3, 3, 9)
 
 
-def test_a_set_without_the_harmonic_of_a_load_is_refused():
+def test_a_set_without_the_harmonic_of_a_load_is_rejected():
     model, _ = reduced(row_of_masses(), COMM, Harmonics.up_to(4))
     with pytest.raises(CaseError, match="harmonic 3, which is not one of the harmonics 0, 1, 2"):
         model.with_harmonics(Harmonics.up_to(2))
 
 
-# -- harmonic 0 alone: statics --------------------------------------------------------------------------------------
+# -- harmonic 0: statics --------------------------------------------------------------------------------------------
 
 
 def static_force(system, u):
-    """Return K u + R^T f_nl(R u), the contact loaded in one step from rest."""
+    """Return K u + R^T f_nl(R u), with the contact loaded in one step from rest."""
     du = (system["R"] @ u).reshape(-1, 3)
     N = np.maximum(system["N0"] - system["k_n"] * du[:, 2], 0.0)
     T = system["k_t"][:, None] * du[:, :2]
@@ -133,7 +133,7 @@ def static_force(system, u):
 
 
 def static_solution(system, level):
-    """Return u by Newton on the dense equations, with differences for derivatives and halved steps."""
+    """Return u by Newton's method on the dense equations, with finite-difference derivatives and halved steps."""
     f = level * sum(np.asarray(load["vector"]) * np.cos(load["phase"]) for load in system["loads"])
     u = np.linalg.solve(scenes.stuck_stiffness(system), f)
     h = 1e-7 * np.abs(u).max()
@@ -152,7 +152,7 @@ def static_solution(system, level):
 
 
 def static_state(system, u):
-    """Return which pairs stick, slip and are open."""
+    """Return which pairs stick, slip or are open."""
     du = (system["R"] @ u).reshape(-1, 3)
     N = np.maximum(system["N0"] - system["k_n"] * du[:, 2], 0.0)
     slips = system["k_t"] * np.linalg.norm(du[:, :2], axis=1) > system["mu"] * N
@@ -180,9 +180,9 @@ def test_statics_are_those_of_a_dense_contact_problem_at_every_frequency(name, l
     low, high = system["omega"]
     starts = np.linspace(low, high, 3)[:-1]
     branches = [branch(system, COMM, abs(level), low=start, H=0, points=5, tolerance=1e-12) for start in starts]
-    assert [one.failure for one in branches] == [None] * 2
-    points = [point for one in branches for point in one.points]
-    assert [point.omega for point in points] == pytest.approx(starts)  # one each: it stands for all frequencies
+    assert [branch.failure for branch in branches] == [None] * 2
+    points = [point for branch in branches for point in branch.points]
+    assert [point.omega for point in points] == pytest.approx(starts)  # one point per branch, valid for all frequencies
     exact = float(system["output"] @ u)
     for point in points:
         assert point.response[0].tolist() == [pytest.approx(exact, rel=1e-9), 0.0, 0.0]
@@ -213,11 +213,11 @@ def test_a_static_load_beyond_all_friction_is_not_held_by_springs():
     for H in (0, 1):
         equation = forced(*reduced(system, COMM, H), 8, 1.0).equation
         assert is_held_by_its_joint_alone(equation.model, equation.law) is (H == 1)
-    # what the weak spring takes beyond the limit of 1 N
+    # displacement if the weak spring carried the load beyond the limit of 1 N
     assert beyond.failure is not None or beyond.points[0].response[0, 0] == pytest.approx(0.2 / 1e-9, rel=1e-6)
 
 
-# -- odd harmonics alone --------------------------------------------------------------------------------------------
+# -- odd harmonics --------------------------------------------------------------------------------------------------
 
 
 def equation_of(system, H=5, n_samples=64):
@@ -236,7 +236,7 @@ def with_load(system, harmonic):
 
 
 def tilted(system):
-    """The same masses, the first of which moves its pair in z too."""
+    """Return the system with an additional motion of the first pair in z."""
     R = system["R"].copy()
     R[2, -1] = 1e-9
     return {**system, "R": R}
@@ -261,11 +261,11 @@ def tilted(system):
         (scene("gap"), 64, False),
     ],
 )
-def test_scenes_that_odd_harmonics_solve(system, n_samples, expected):
+def test_scenes_with_odd_symmetry_are_detected(system, n_samples, expected):
     assert symmetric(equation_of(system, n_samples=n_samples)) is expected
 
 
-def test_symmetry_sees_static_coupling_that_no_mode_shows():
+def test_static_coupling_alone_breaks_the_symmetry():
     equation = equation_of(row_of_masses())
     model = equation.model
     columns = model.receptance_of(1).static.G_static.transposed(np.arange(model.n_pairs))
@@ -288,7 +288,7 @@ def test_symmetry_sees_static_coupling_that_no_mode_shows():
         pytest.param(scene("jenkins"), 0.8, marks=pytest.mark.ranks(1)),
     ],
 )
-def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):
+def test_odd_harmonics_give_the_solution_of_the_full_set(system, level):
     full, odd = Harmonics.up_to(7), Harmonics.odd_up_to(7)
     model, parameters = reduced(system, COMM, full)
     omegas = np.linspace(*system["omega"], 9)[2:6]
