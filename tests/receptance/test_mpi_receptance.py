@@ -1,4 +1,4 @@
-"""The receptance on synthetic data: dense formulas, adjoint, rates, blocks, modal and full damping, one to three groups."""
+"""The receptance on synthetic data: dense formulas, adjoint, rates, blocks; modal and full damping; one to three groups."""
 
 import weakref
 from dataclasses import replace
@@ -42,17 +42,17 @@ def numbers(rng, is_complex, *shape):
 
 
 def receptance(modes, seed=0):
-    """Return modes with a random static response, complex where they are; of a seed of its own."""
+    """Return modes with a random static response from a separate seed, complex if the modes are."""
     is_complex = np.iscomplexobj(modes.R_phi)
     n = 3 * N_PAIRS + N_OUT + N_LOADS
     A = numbers(np.random.default_rng(seed), is_complex, n, n)
     static = A @ A.conj().T / n
     pairs, outputs, loads = np.split(np.arange(n), [3 * N_PAIRS, 3 * N_PAIRS + N_OUT])
     ranges = split_evenly(N_PAIRS, COMM.size)
-    own = slice(3 * ranges[COMM.rank], 3 * ranges[COMM.rank + 1])
+    owned = slice(3 * ranges[COMM.rank], 3 * ranges[COMM.rank + 1])
 
     def columns(of):
-        return static[own, (3 * of[:, None] + np.arange(3)).ravel()]
+        return static[owned, (3 * of[:, None] + np.arange(3)).ravel()]
 
     response = StaticResponse(
         G_static=StaticColumns(N_PAIRS, ranges[COMM.rank + 1] - ranges[COMM.rank], columns, is_complex=is_complex),
@@ -66,7 +66,7 @@ def receptance(modes, seed=0):
 
 
 def model_of(*receptances, harmonics=HARMONICS):
-    """Return a model of as many groups as receptances: of two, the even and the odd harmonics."""
+    """Return a model with a group per receptance; two groups are the even and the odd harmonics."""
     rng = np.random.default_rng(0)
     rng.standard_normal((3 * N_PAIRS + N_OUT + N_LOADS,) * 2)
     per_group = PerGroup(lambda group: receptances[group], lambda n: n % len(receptances), tuple(range(len(receptances))))
@@ -81,13 +81,13 @@ def model_of(*receptances, harmonics=HARMONICS):
 
 
 def split(full=False, seeds=(1, 2), sizes=(4, 6), statics=(0, 3), is_complex=False):
-    """Two groups, of the even and of the odd harmonics; these may be complex."""
+    """Return a model of two groups, the even and the odd harmonics; the odd group may be complex."""
     even = receptance(modes_of(seeds[0], sizes[0], full), statics[0])
     return model_of(even, receptance(modes_of(seeds[1], sizes[1], full, is_complex), statics[1]))
 
 
 def thirds(full):
-    """A real group of the mean, and complex groups of harmonic 1 and of harmonics 2 and 5, with different numbers of modes."""
+    """Return a model with a real group of the mean, and complex groups of harmonic 1 and of harmonics 2 and 5."""
     of_complex = [receptance(modes_of(2 + i, 6 - i, full[i], is_complex=True), 3 + i) for i in range(2)]
     return model_of(receptance(modes_of(1, 4)), *of_complex)
 
@@ -106,7 +106,7 @@ of_each_model = pytest.mark.parametrize("name", list(MODELS))
 
 
 def dynamic(model, n, x, y, omega=OMEGA):
-    """x c_n y^H by dense algebra, x and y naming participations of the modes of harmonic n."""
+    """Return x c_n y^H by dense algebra; x and y name participations of the modes of harmonic n."""
     modes = model.receptance_of(n).modes
     C = modes.damping.C if modes.damping.couples_modes else np.diag(modes.damping.C)
     D = np.diag(modes.omega_n**2) - (n * omega) ** 2 * np.eye(len(C)) + 1j * n * omega * C
@@ -114,7 +114,7 @@ def dynamic(model, n, x, y, omega=OMEGA):
 
 
 def exact(model, static, x, y, q):
-    """Real coefficients of A_n q_n with A_n = static + x c_n y^H, ``static`` of a receptance."""
+    """Return real coefficients of A_n q_n with A_n = static + x c_n y^H, ``static`` of a receptance."""
     q_n = to_complex(q)
     A = [static(model.receptance_of(n)) + dynamic(model, n, x, y) for n in model.harmonics.chosen]
     return to_real(np.stack([A[i] @ q_n[:, i] for i in range(len(A))], axis=1), q.shape[1])
@@ -141,7 +141,7 @@ def random(seed, *shape):
 
 
 @of_each_model
-def test_motions_are_those_of_dense_algebra(name):
+def test_motions_equal_dense_algebra(name):
     model = MODELS[name]()
     p, level = random(3, 3 * N_PAIRS, model.N_H), 2.5
     f, still = level * model.f, np.zeros((3 * N_PAIRS, model.N_H))
@@ -175,7 +175,7 @@ def test_modal_motion_solves_the_modal_equations(name):
 
 @of_each_model
 @pytest.mark.parametrize("active", [ACTIVE, np.arange(N_PAIRS), np.array([], dtype=int)], ids=["some", "all", "none"])
-def test_products_blocks_and_matrix_are_one_receptance(name, active):
+def test_products_blocks_and_matrix_agree(name, active):
     model = MODELS[name]()
     G, rows = ReceptanceColumns(model, OMEGA, active), (3 * active[:, None] + np.arange(3)).ravel()
     p = random(5, len(rows), model.N_H)
@@ -198,8 +198,8 @@ def test_products_blocks_and_matrix_are_one_receptance(name, active):
         by_row = force.swapaxes(0, 1).reshape(len(moved), len(some), 2)
         np.testing.assert_allclose(moved, np.stack(list(G.blocks()))[:, :, some] @ by_row, atol=1e-12)
         columns = ActiveColumns(G, np.float64)
-        here = whole(columns.apply(p * columns.unit))
-        np.testing.assert_allclose(here, expected[rows], atol=1e-12)
+        product = whole(columns.apply(p * columns.unit))
+        np.testing.assert_allclose(product, expected[rows], atol=1e-12)
         several = columns.apply_to_several(np.stack([p, 2.0 * p, 0.0 * p]) * columns.unit)
         np.testing.assert_allclose(several, [columns.apply(s * p * columns.unit) for s in (1.0, 2.0, 0.0)], atol=1e-12)
 
@@ -207,7 +207,7 @@ def test_products_blocks_and_matrix_are_one_receptance(name, active):
 @pytest.mark.parametrize("unit_of_time", [1e-25, 1e25])
 @pytest.mark.parametrize("full", [False, True], ids=["modal", "full"])
 @pytest.mark.parametrize("is_complex", [False, True], ids=["real", "complex"])
-def test_single_precision_does_not_care_for_the_unit_of_time(is_complex, full, unit_of_time):
+def test_single_precision_does_not_depend_on_the_unit_of_time(is_complex, full, unit_of_time):
     harmonics = Harmonics((1, 2, 5)) if is_complex else HARMONICS
 
     def of(modes):
@@ -217,7 +217,7 @@ def test_single_precision_does_not_care_for_the_unit_of_time(is_complex, full, u
     damping = Damping(modes.damping.C / unit_of_time)
     omega_n, R_phi = modes.omega_n / unit_of_time, modes.R_phi / unit_of_time
     rows = (3 * ACTIVE[:, None] + np.arange(3)).ravel()
-    here, there = (
+    reference, scaled = (
         ActiveColumns(ReceptanceColumns(of(modes), omega, ACTIVE), np.float32)
         for modes, omega in [
             (modes, OMEGA),
@@ -225,12 +225,12 @@ def test_single_precision_does_not_care_for_the_unit_of_time(is_complex, full, u
         ]
     )
     expected = whole(ReceptanceColumns(of(modes), OMEGA, ACTIVE).apply(p)).reshape(-1, harmonics.n_coefficients)[rows]
-    for columns in (here, there):
+    for columns in (reference, scaled):
         np.testing.assert_allclose(whole(columns.apply(p * columns.unit)), expected, atol=2e-5 * np.abs(expected).max())
 
 
 @of_each_model
-def test_the_adjoint_is_the_transposed(name):
+def test_the_adjoint_product_is_the_transposed_product(name):
     model = MODELS[name]()
     G = ReceptanceColumns(model, OMEGA, ACTIVE)
     p, x = random(6, 3 * len(ACTIVE), model.N_H), random(7, N_PAIRS, 3, model.N_H)[model.owned]
@@ -249,7 +249,7 @@ def test_the_adjoint_is_the_transposed(name):
 
 @of_each_model
 @pytest.mark.parametrize("d_omega, d_sigma", [(1.0, 0.0), (0.0, 1.0), (0.7, -1.3), (0.0, 0.0)])
-def test_rates_leave_a_remainder_of_second_order(name, d_omega, d_sigma):
+def test_rates_have_a_second_order_taylor_remainder(name, d_omega, d_sigma):
     model, p = MODELS[name](), random(9, 3 * len(ACTIVE), HARMONICS.n_coefficients)
 
     def at(h):
@@ -270,12 +270,12 @@ def test_rates_leave_a_remainder_of_second_order(name, d_omega, d_sigma):
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize(("n_modes", "N_H"), [(1, 3), (1, 4), (2, 2)])
-def test_a_product_does_not_depend_on_where_its_operands_lie(n_modes, N_H):
-    """Or a run would not repeat another to the last bit: NumPy rounds products of complex numbers less than 64 bytes apart otherwise."""
+def test_a_product_does_not_depend_on_the_addresses_of_its_operands(n_modes, N_H):
+    """So that runs are repeated bit for bit: NumPy rounds products of complex numbers less than 64 bytes apart differently."""
     rng, results = np.random.default_rng(1), []
     for _ in range(10):
         c, q = numbers(rng, True, n_modes, (N_H + 1) // 2), numbers(rng, False, n_modes, N_H)
-        results.append([Flexibility(c.copy()).apply(q.copy()) for _ in range(200)])  # all in memory at once
+        results.append([Flexibility(c.copy()).apply(q.copy()) for _ in range(200)])  # all in memory at the same time
         exact = to_real(c * to_complex(q), N_H)
         np.testing.assert_allclose(results[-1][0][:, N_H % 2 :], exact[:, N_H % 2 :], rtol=1e-14, atol=1e-14)
     assert [len({product.tobytes() for product in products}) for products in results] == [1] * 10
@@ -297,8 +297,8 @@ def test_modal_damping_is_full_damping_with_a_diagonal_matrix():
         for i in range(len(HARMONICS)):
             np.testing.assert_allclose(c.between(x, i, x), c_full.between(x, i, x), atol=1e-13)
             np.testing.assert_allclose(c.whole(x.T, i), c_full.whole(x.T, i), atol=1e-13)
-        for one, other in ((c, c_full), (c.adjoint(), c_full.adjoint()), (c.rate(0.4, 1.1), c_full.rate(0.4, 1.1))):
-            np.testing.assert_allclose(one.apply(q), other.apply(q), atol=1e-13)
+        for diagonal, full_matrix in ((c, c_full), (c.adjoint(), c_full.adjoint()), (c.rate(0.4, 1.1), c_full.rate(0.4, 1.1))):
+            np.testing.assert_allclose(diagonal.apply(q), full_matrix.apply(q), atol=1e-13)
         h = np.array([0.1, 0.2])
         A, A_full = (x.damping.step_matrix(x.omega_n, 0.6, 0.5, h, h**2) for x in (a, b))
         forces = random(4, 2, 4)
@@ -310,10 +310,10 @@ def test_modal_damping_is_full_damping_with_a_diagonal_matrix():
 
 
 @pytest.mark.parametrize("full", [False, True])
-def test_two_groups_with_the_same_receptance_are_one(full):
-    one, two = model_of(receptance(modes_of(1, 4, full))), split(full, seeds=(1, 1), sizes=(4, 4), statics=(0, 0))
-    assert (len(one.groups), len(two.groups)) == (1, 2)
-    p = random(10, 3 * N_PAIRS, one.N_H)
+def test_two_groups_with_the_same_receptance_equal_one_group(full):
+    single, double = model_of(receptance(modes_of(1, 4, full))), split(full, seeds=(1, 1), sizes=(4, 4), statics=(0, 0))
+    assert (len(single.groups), len(double.groups)) == (1, 2)
+    p = random(10, 3 * N_PAIRS, single.N_H)
     for act in (
         lambda model: linear_motion(model, 2.0, OMEGA),
         lambda model: linear_motion_rate(model, 2.0, OMEGA, 0.3, 0.4),
@@ -322,10 +322,10 @@ def test_two_groups_with_the_same_receptance_are_one(full):
         lambda model: ReceptanceColumns(model, OMEGA, np.arange(N_PAIRS)).apply_rate(p, 0.3, 0.4),
         lambda model: ReceptanceColumns(model, OMEGA, ACTIVE).matrix(),
     ):
-        np.testing.assert_allclose(act(two), act(one), atol=1e-13)
+        np.testing.assert_allclose(act(double), act(single), atol=1e-13)
 
 
-def test_groups_of_other_harmonics_are_made_when_they_are_needed():
+def test_groups_of_further_harmonics_are_built_when_needed():
     made = []
 
     def make(group):
@@ -348,8 +348,8 @@ def test_groups_of_other_harmonics_are_made_when_they_are_needed():
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["modal", "full"])
-def test_the_conjugate_receptance_is_that_of_conjugate_matrices(full):
-    """G of nodal diameter N - d from that of d, against a receptance built from conjugate arrays; static columns are shared."""
+def test_the_conjugate_receptance_belongs_to_conjugate_matrices(full):
+    """The G of nodal diameter N - d from that of d equals a receptance built from conjugate arrays; static columns are shared."""
     base, harmonics = receptance(modes_of(1, 4, full, is_complex=True)), Harmonics((1, 2, 5))
     modes, static = base.modes, base.static
     reference = Receptance(
@@ -369,7 +369,7 @@ def test_the_conjugate_receptance_is_that_of_conjugate_matrices(full):
     assert np.allclose(whole(G.apply(p)).reshape(-1), whole(G_dense.apply(p)).reshape(-1), rtol=1e-12, atol=1e-13)
     assert np.allclose(G.apply_transposed(x), G_dense.apply_transposed(x), rtol=1e-12, atol=1e-13)
     assert np.allclose(ActiveColumns(G, np.float64).apply(p), ActiveColumns(G_dense, np.float64).apply(p), rtol=1e-12, atol=1e-13)
-    # one memory: what either requires is known to both, and twice conjugated is the receptance itself
+    # both share one memory: a column computed by either is known to both, and conjugating twice gives the original
     columns, twice = view.receptance_of(1).static.G_static, view.receptance_of(1).conjugated()
     assert columns.known is static.G_static.known and static.G_static.known[ACTIVE].all() and columns.batches == 0
     assert twice.static.G_static is static.G_static
@@ -381,7 +381,7 @@ def test_a_real_receptance_is_its_own_conjugate():
     assert real.conjugated() is real
 
 
-def test_one_group_has_all_columns_without_a_copy():
+def test_a_single_group_has_all_columns_without_a_copy():
     model = MODELS["modal"]()
     (group,) = model.groups
     term = random(1, 3, model.N_H)
@@ -391,7 +391,7 @@ def test_one_group_has_all_columns_without_a_copy():
         model.flexibilities(OMEGA)[0].c[0] = 0.0
 
 
-def test_nothing_keeps_a_model_that_nobody_holds():
+def test_an_unused_model_is_freed():
     model = MODELS["modal"]()
     for omega in np.arange(1.0, 9.0):
         model.flexibilities(omega)

@@ -1,4 +1,4 @@
-"""Products with the receptance of a whole disc by transforms over its sectors, beside those of its columns; on any number of ranks."""
+"""Products with the receptance of a whole disc by transforms over its sectors, compared with columns; on any number of ranks."""
 
 from dataclasses import replace
 
@@ -35,9 +35,9 @@ harmonics = 3
     scope="module", params=[(4, True), (5, True), (5, False), (3, True)], ids=["even", "odd", "alike", "two diameters"]
 )
 def disc(request, tmp_path_factory):
-    """Return the model of a disc of an even or odd number of sectors, with blades that differ or are alike.
+    """Return the model of a disc with an even or odd number of sectors, with different or equal blades.
 
-    With two diameters, one of three ranks has none.
+    With two diameters, one of three ranks has no diameter.
     """
     (N, differ), tables = request.param, DISC
     wave = {"engine_order": 1, "whole": True}
@@ -51,7 +51,7 @@ def disc(request, tmp_path_factory):
 
 
 def both(model, monkeypatch, active):
-    """Return the columns of some pairs by transforms and as such."""
+    """Return the columns of some pairs by transforms over the sectors, and as dense columns."""
     monkeypatch.setattr(columns, "_n_products", lambda *counts: 10**9)
     by_sectors = ReceptanceColumns(model, 9000.0, active)
     assert isinstance(by_sectors.groups[0], SectorColumns)
@@ -59,7 +59,7 @@ def both(model, monkeypatch, active):
     return by_sectors, ReceptanceColumns(model, 9000.0, active)
 
 
-def same(a, b, accuracy=1e-12):
+def assert_close(a, b, accuracy=1e-12):
     largest = COMM.allreduce(np.abs(b).max(initial=0.0), op=MPI.MAX)
     assert largest > 0.0
     np.testing.assert_allclose(a, b, rtol=0.0, atol=accuracy * largest)
@@ -69,34 +69,34 @@ def test_blocks_of_few_pairs_need_no_static_columns(disc, request):
     few, G_static = np.arange(0, disc.n_pairs, 5), disc.receptance_of(1).static.G_static
     by_sectors = ReceptanceColumns(disc, 9000.0, few, for_blocks=True)
     known = G_static.known.copy()
-    assert not known.all() or request.node.callspec.id == "alike"  # no test before this one has computed those of its disc
+    assert not known.all() or request.node.callspec.id == "alike"  # no earlier test computed those of this disc
     block = by_sectors.matrix()
     np.testing.assert_array_equal(G_static.known, known)
-    same(block, ReceptanceColumns(disc, 9000.0, few).matrix())
+    assert_close(block, ReceptanceColumns(disc, 9000.0, few).matrix())
 
 
-def test_transforms_and_columns_have_the_same_products(disc, monkeypatch):
+def test_products_by_transforms_equal_products_with_columns(disc, monkeypatch):
     random = np.random.default_rng(1)
     active = np.sort(random.permutation(disc.n_pairs)[: disc.n_pairs // 2])
     by_sectors, dense = both(disc, monkeypatch, active)
     p = random.standard_normal((3 * len(active), disc.N_H))
     x = np.random.default_rng(COMM.rank).standard_normal((disc.owned.stop - disc.owned.start, 3, disc.N_H))
-    same(by_sectors.apply(p), dense.apply(p))
-    same(by_sectors.apply_rate(p), dense.apply_rate(p))
-    same(by_sectors.apply_rate(p, 0.0, 2.0), dense.apply_rate(p, 0.0, 2.0))
+    assert_close(by_sectors.apply(p), dense.apply(p))
+    assert_close(by_sectors.apply_rate(p), dense.apply_rate(p))
+    assert_close(by_sectors.apply_rate(p, 0.0, 2.0), dense.apply_rate(p, 0.0, 2.0))
     d_C = random.standard_normal((disc.n_modes, disc.n_modes))
     rates = [Damping(d_C + d_C.T)]
-    same(by_sectors.apply_rate(p, d_C=rates), dense.apply_rate(p, d_C=rates))  # which couples modes
-    same(COMM.allreduce(by_sectors.apply_transposed(x)), COMM.allreduce(dense.apply_transposed(x)))
-    same(by_sectors.adjoint().apply(p), dense.adjoint().apply(p))
+    assert_close(by_sectors.apply_rate(p, d_C=rates), dense.apply_rate(p, d_C=rates))  # a rate of damping that couples modes
+    assert_close(COMM.allreduce(by_sectors.apply_transposed(x)), COMM.allreduce(dense.apply_transposed(x)))
+    assert_close(by_sectors.adjoint().apply(p), dense.adjoint().apply(p))
     chosen = np.arange(0, len(active), 3)
     for block, of_dense in zip(by_sectors.blocks(chosen), dense.blocks(chosen)):
-        same(block, of_dense)
-    assert "G_static" not in vars(by_sectors.groups[0])  # no column is used
+        assert_close(block, of_dense)
+    assert "G_static" not in vars(by_sectors.groups[0])  # no dense column is used
 
 
 @pytest.mark.parametrize(("precision", "accuracy"), [(np.float64, 1e-12), (np.float32, 1e-5)])
-def test_active_pairs_in_either_precision(disc, monkeypatch, precision, accuracy):
+def test_products_of_active_pairs_agree_in_both_precisions(disc, monkeypatch, precision, accuracy):
     random = np.random.default_rng(2)
     active = np.sort(random.permutation(disc.n_pairs)[: disc.n_pairs // 2])
     by_sectors, dense = both(disc, monkeypatch, active)
@@ -105,20 +105,20 @@ def test_active_pairs_in_either_precision(disc, monkeypatch, precision, accuracy
         a, b = (ActiveColumns(G.adjoint() if adjoint else G, precision) for G in (by_sectors, dense))
         assert isinstance(a._parts[0], columns._SectorsGroup)
         p = random.standard_normal((2, 3 * len(active), disc.N_H))
-        same(a.unit * a.apply(p[0]), b.unit * b.apply(p[0]), accuracy)
-        same(a.unit * a.apply_to_several(p), b.unit * b.apply_to_several(p), accuracy)
+        assert_close(a.unit * a.apply(p[0]), b.unit * b.apply(p[0]), accuracy)
+        assert_close(a.unit * a.apply_to_several(p), b.unit * b.apply_to_several(p), accuracy)
 
 
-def test_motions_of_modes(disc):
+def test_linear_motions_equal_those_of_the_columns(disc):
     at = disc.flexibilities(9000.0)[0], disc.owned_rows
     receptance = disc.groups[0].receptance
     dense = replace(receptance, sectors=None)
-    same(receptance.linear_motion(disc.f, *at), dense.linear_motion(disc.f, *at))
-    same(receptance.linear_motion_rate(disc.f, *at), dense.linear_motion_rate(disc.f, *at))
+    assert_close(receptance.linear_motion(disc.f, *at), dense.linear_motion(disc.f, *at))
+    assert_close(receptance.linear_motion_rate(disc.f, *at), dense.linear_motion_rate(disc.f, *at))
     assert not receptance.linear_motion_rate(0.0 * disc.f, *at).any()
 
 
-def test_few_pairs_have_dense_products_and_other_springs_as_well(disc):
+def test_few_pairs_and_changed_springs_use_dense_products(disc):
     every = np.arange(disc.n_pairs)
     assert type(ReceptanceColumns(disc, 9000.0, every[:1]).groups[0]) is GroupColumns
     K_J = np.full(3 * disc.n_pairs, 1e9)

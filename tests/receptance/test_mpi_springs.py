@@ -1,4 +1,4 @@
-"""Other contact stiffness by the low-rank update, against structures that are built with it; on any number of ranks."""
+"""Changed contact stiffness by a low-rank update, compared with structures built with it; on any number of ranks."""
 
 from dataclasses import dataclass, replace
 
@@ -50,8 +50,8 @@ def springs_of(system):
 
 
 @dataclass(frozen=True, eq=False)
-class OtherLaw(ForcedResponse):
-    """The response over the frequency with some parameters of the law at other values."""
+class ChangedLaw(ForcedResponse):
+    """The response over the frequency with changed parameters of the law."""
 
     values: tuple
 
@@ -73,7 +73,7 @@ def parameter(name, pairs=(0, 1)):
 
 @pytest.mark.parametrize("names", [("k_t",), ("k_n",), ("k_t", "k_n")], ids=" ".join)
 @pytest.mark.parametrize("factor", FACTORS)
-def test_the_receptance_is_that_of_a_structure_built_with_the_springs(factor, names):
+def test_the_updated_receptance_is_that_of_a_structure_built_with_the_springs(factor, names):
     other = chain(**dict.fromkeys(names, factor))
     (model, _), (built, _) = (reduced(system, COMM, 3) for system in (chain(), other))
     K_J = springs_of(other)
@@ -94,8 +94,8 @@ def test_the_receptance_is_that_of_a_structure_built_with_the_springs(factor, na
 
 @pytest.mark.parametrize("n_modes", [2, 5])
 @pytest.mark.parametrize("factor", FACTORS)
-def test_of_truncated_modes_it_is_what_forces_of_the_other_springs_make(factor, n_modes):
-    """(1 + G dK) V' = V for motions V under any forces, with the damping matrix that the structure has."""
+def test_truncated_modes_are_updated_by_the_forces_of_the_changed_springs(factor, n_modes):
+    """(1 + G dK) V' = V for motions V under any forces, with the damping matrix of the structure."""
     C = scenes.damping_matrix(scenes.chain())
     model, _ = reduced(chain(C=C), COMM, 3, n_modes)
     dK = (factor - 1.0) * springs_of(chain())
@@ -107,7 +107,7 @@ def test_of_truncated_modes_it_is_what_forces_of_the_other_springs_make(factor, 
 
 
 @pytest.mark.parametrize("factor", FACTORS)
-def test_complex_groups_are_those_of_a_ring_built_with_the_springs(factor, monkeypatch):
+def test_updated_complex_groups_are_those_of_a_ring_built_with_the_springs(factor, monkeypatch):
     harmonics = Harmonics.up_to(3)
     model = replace(Sector(COMM, 5, lambda n: n % 5).model(harmonics), stated_damping=ModalDamping(ratio=0.02))
     K_J = factor * LIMIT
@@ -133,7 +133,7 @@ def test_complex_groups_are_those_of_a_ring_built_with_the_springs(factor, monke
     ids=str,
 )
 @pytest.mark.parametrize("factor", FACTORS)
-def test_the_response_is_that_of_a_structure_built_with_the_springs(factor, names, pairs):
+def test_the_response_with_changed_springs_is_that_of_a_structure_built_with_them(factor, names, pairs):
     built = forced(*reduced(chain(pairs=pairs, **dict.fromkeys(names, factor)), COMM, 3), 128, LEVEL)
     points = at_frequencies(built, AllPairs(), OMEGAS, tolerance=1e-11).points
     values = tuple((parameter(name, pairs), factor) for name in names)
@@ -149,10 +149,10 @@ def test_the_response_is_that_of_a_structure_built_with_the_springs(factor, name
         np.testing.assert_allclose(response, point.response, atol=1e-9 * np.abs(point.response).max())
 
 
-def test_newton_finds_the_response_with_other_springs():
+def test_newton_converges_to_the_response_with_changed_springs():
     values = tuple((parameter(name), 3.0) for name in ("k_t", "k_n"))
     equation = HarmonicBalance.of_all(*reduced(chain(), COMM, 3), 128)
-    points = at_frequencies(OtherLaw(equation, LEVEL, values), AllPairs(), OMEGAS, tolerance=1e-11).points
+    points = at_frequencies(ChangedLaw(equation, LEVEL, values), AllPairs(), OMEGAS, tolerance=1e-11).points
     built = forced(*reduced(chain(k_t=3.0, k_n=3.0), COMM, 3), 128, LEVEL)
     expected = at_frequencies(built, AllPairs(), OMEGAS, tolerance=1e-11).points
     ours, theirs = (np.array([point.response[0] for point in of]) for of in (points, expected))
@@ -161,7 +161,7 @@ def test_newton_finds_the_response_with_other_springs():
 
 
 @pytest.mark.parametrize("factor", [0.3, 4.0])
-def test_error_bars_hold_what_truncated_modes_change_with_other_springs(factor):
+def test_error_bars_bound_the_effect_of_truncated_modes_with_changed_springs(factor):
     sector = Sector(COMM, 5, lambda n: 0)
     shapes = [LawParameter(name, np.arange(2), np.array(LAW[name])) for name in ("k_t", "k_n")]
     values = tuple((shape, factor) for shape in shapes)
@@ -170,20 +170,20 @@ def test_error_bars_hold_what_truncated_modes_change_with_other_springs(factor):
         model = replace(sector.model(Harmonics.up_to(3), n_modes), stated_damping=ModalDamping(ratio=0.02))
         equation = HarmonicBalance.of_all(model, sector.law, 128)
         estimator = ErrorEstimator(sector.enriched(model)) if n_modes else None
-        return with_bars(OtherLaw(equation, 150.0, values), [600.0, 680.0, 740.0], estimator)
+        return with_bars(ChangedLaw(equation, 150.0, values), [600.0, 680.0, 740.0], estimator)
 
-    kept, exact = solved(4), solved(None)
-    amplitudes = [np.array([point.response[0, 1] - 1j * point.response[0, 2] for point in of]) for of in (kept, exact)]
-    true, bars = np.abs(amplitudes[0] - amplitudes[1]), np.array([point.error[0, 0] for point in kept])
+    truncated, exact = solved(4), solved(None)
+    amplitudes = [np.array([point.response[0, 1] - 1j * point.response[0, 2] for point in of]) for of in (truncated, exact)]
+    true, bars = np.abs(amplitudes[0] - amplitudes[1]), np.array([point.error[0, 0] for point in truncated])
     assert (true > 1e-7 * np.abs(amplitudes[1]).max()).all()
     assert (true <= 3.0 * bars).all() and np.median(bars / true) < 30.0
 
 
-def test_the_enriched_model_of_all_modes_has_the_springs_of_the_equation():
+def test_the_enriched_model_has_the_changed_springs():
     model, law = reduced(chain(), COMM, 3)
     equation = HarmonicBalance.of_all(model, law, 128)
     estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
-    problem = OtherLaw(equation, LEVEL, ((parameter("k_t"), 2.0),))
+    problem = ChangedLaw(equation, LEVEL, ((parameter("k_t"), 2.0),))
     (point,) = with_bars(problem, [555.0], estimator)
     finer = forced(*reduced(chain(k_t=2.0), COMM, 15), 1024, LEVEL)
     expected = at_frequencies(finer, AllPairs(), [555.0], tolerance=1e-10).points[0]
@@ -191,8 +191,8 @@ def test_the_enriched_model_of_all_modes_has_the_springs_of_the_equation():
     assert true <= total(point.error[0]) <= 20.0 * true
 
 
-def test_springs_without_which_nothing_holds_a_body_are_refused_on_every_rank():
-    """A mass held by its pair alone, whose springs vanish."""
+def test_removing_the_only_springs_of_a_body_is_rejected_on_every_rank():
+    """A mass held by its pair only, whose springs vanish."""
     system = scenes.make_system(
         "loose", 0.5 * np.eye(3), np.zeros((3, 3)), [[0, 1, 2, -1, -1, -1]], mu=0.3, N0=60.0, k_t=5e5, k_n=8e5, zeta=0.02,
         loads=[{"vector": np.ones(3), "harmonic": 1, "phase": 0.0}], output=np.eye(3)[0], omega=(400.0, 800.0), levels={},
@@ -206,13 +206,13 @@ def test_springs_without_which_nothing_holds_a_body_are_refused_on_every_rank():
 
 
 @pytest.mark.parametrize("name, value", [("N0", -0.5), ("gap", 0.5), ("mu", -0.1), ("k_t", -1.0)])
-def test_a_value_that_the_law_of_one_pair_does_not_have_is_excluded_on_every_rank(name, value):
+def test_a_parameter_value_invalid_for_one_pair_is_rejected_on_every_rank(name, value):
     equation = HarmonicBalance.of_all(*reduced(chain(), COMM, 3), 128)
     vary = LawParameter(name, np.array([1]), np.array([1.0]))
     at = OperatingPoint(555.0, LEVEL, law=((vary, value),))
     assert not equation.allows(at)
     with pytest.raises(ValueError, match="pair|negative"):
         equation.under(at)
-    problem = OtherLaw(equation, LEVEL, ((vary, value),))
+    problem = ChangedLaw(equation, LEVEL, ((vary, value),))
     assert not problem.allows((555.0,)) and not problem.allows((-1.0,))
     assert replace(problem, values=((parameter("mu"), 1.1),)).allows((555.0,))
