@@ -403,7 +403,7 @@ def test_a_point_is_held_in_some_directions():
 # -- with the rest -----------------------------------------------------------------------------------------------------
 
 
-def test_ranks_agree():
+def test_error_bars_agree_on_any_number_of_ranks():
     mesh = stack("hex8", "tet10", (2, 2, 2), (3, 2, 1))
     mesh.node_groups["high_side"] = np.flatnonzero((mesh.points[:, 0] == 1.0) & (mesh.points[:, 2] > 1.0))
     points = (

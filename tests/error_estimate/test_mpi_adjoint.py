@@ -1,4 +1,4 @@
-"""The adjoint that error bars leave behind: derivatives of the outputs by numbers of the contact law, against differences."""
+"""The adjoint of the error bars: derivatives of the outputs by parameters of the contact law, compared with differences."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ OMEGA, LEVEL = 555.0, 100.0
 
 
 @pytest.mark.parametrize("name", ["mu", "N0"])
-def test_it_gives_the_derivative_of_the_outputs_by_the_law(name):
+def test_the_adjoint_gives_the_derivative_of_the_outputs_by_the_law(name):
     system = scenes.chain()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
@@ -62,7 +62,7 @@ def test_it_gives_the_derivative_of_the_outputs_by_the_law(name):
 
 
 def test_steps_with_one_linearisation_share_the_operands_of_their_products(monkeypatch):
-    """The solutions are those of a factor; another linearisation has operands of its own."""
+    """The solutions are those of a factorisation; another linearisation has different operands."""
     system = scenes.chain()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
@@ -75,13 +75,13 @@ def test_steps_with_one_linearisation_share_the_operands_of_their_products(monke
         return Linearisation.of(equation, at, forces)
 
     steps = np.random.default_rng(2).standard_normal((3, 1, 3 * model.n_pairs, model.N_H))
-    one, other = linear(OMEGA), linear(1.1 * OMEGA)
-    expected = [at.solve_several(step, AdjointSolver(COMM)) for at, step in zip((one, one, other), steps)]
+    at_omega, at_other = linear(OMEGA), linear(1.1 * OMEGA)
+    expected = [at.solve_several(step, AdjointSolver(COMM)) for at, step in zip((at_omega, at_omega, at_other), steps)]
     made, columns = [], adjoint_solver.ActiveColumns
     monkeypatch.setattr(adjoint_solver, "ActiveColumns", lambda *of: made.append(of) or columns(*of))
     monkeypatch.setattr(adjoint_solver, "DIRECT", 0)
     solver = AdjointSolver(COMM, 1e-10, np.float64)
-    solved = [at.solve_several(step, solver) for at, step in zip((one, one, other), steps)]
+    solved = [at.solve_several(step, solver) for at, step in zip((at_omega, at_omega, at_other), steps)]
     solver.destroy()
     assert len(made) == 2
     for (dU, dp, is_solved), (right_dU, right_dp, _) in zip(solved, expected):

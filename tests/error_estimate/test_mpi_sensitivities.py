@@ -1,4 +1,4 @@
-"""Derivatives of the outputs by adjoints, against central differences of solutions; every test runs on any number of ranks."""
+"""Derivatives of the outputs by adjoints, compared with central differences of solutions; on any number of ranks."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def chain(**changed):
 
 
 def solved(equation, omega=OMEGA, level=LEVEL):
-    """Return the operating point and the solution there."""
+    """Return the operating point and its solution."""
     problem = ForcedResponse(equation, level)
     at = problem.at((omega,))
     guess = Iterate(equation.linear_motion(at), (omega,), equation.harmonics)
@@ -71,8 +71,10 @@ def base(system):
 def damper():
     """Return the friction damper of Ansys' verification manual, VM320: one mass, one Jenkins element."""
     loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
-    own = {"C": np.array([[7700.0]]), "loads": loads, "output": [1.0], "omega": (150.0, 300.0), "levels": {}}
-    return scenes.make_system("damper", [[944.6]], [[2.4e7]], [[0] + 5 * [-1]], mu=1.0, N0=246.048, k_t=2.4e7, k_n=0.0, **own)
+    settings = {"C": np.array([[7700.0]]), "loads": loads, "output": [1.0], "omega": (150.0, 300.0), "levels": {}}
+    return scenes.make_system(
+        "damper", [[944.6]], [[2.4e7]], [[0] + 5 * [-1]], mu=1.0, N0=246.048, k_t=2.4e7, k_n=0.0, **settings
+    )
 
 
 def central(f, h):
@@ -86,7 +88,7 @@ def slope(f, h=1e-4):
 
 @pytest.mark.parametrize("kind", ["ratio", "matrix"])
 @pytest.mark.parametrize("name", ["mu", "N0", "k_t", "k_n"])
-def test_by_each_number_of_each_pair(name, kind):
+def test_derivatives_by_each_parameter_of_each_pair(name, kind):
     system = chain()
     if kind == "matrix" and "zeta" in system:
         system["C"] = 0.02 * system["M"] + 2e-5 * system["K"]
@@ -104,7 +106,7 @@ def test_by_each_number_of_each_pair(name, kind):
         assert derivatives[:, pair] == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
 
 
-def test_by_level_damping_and_frequency():
+def test_derivatives_by_level_damping_and_frequency():
     system = chain()
     equation = base(system)
     derivatives = sensitivities(equation).common
@@ -120,19 +122,19 @@ def size_of_damper(limit=246.048, k_t=2.4e7, level=123.024, c=7700.0, omega=200.
     """Return the amplitude of Ansys' friction damper, VM320, with one harmonic: docs/validation.md."""
     d, m, k = limit / k_t, 944.6, 2.4e7
 
-    def missing(X):
+    def imbalance(X):
         th = np.arccos(1.0 - 2.0 * d / X)
         a1, b1 = k_t * X / np.pi * (th - np.sin(2.0 * th) / 2.0), 4.0 * limit / np.pi * (1.0 - d / X)
         return (k + a1 / X - m * omega**2) ** 2 * X * X + (c * omega * X + b1) ** 2 - level**2
 
-    return brentq(missing, d * (1.0 + 1e-12), 1e-3, xtol=1e-22, rtol=1e-15)
+    return brentq(imbalance, d * (1.0 + 1e-12), 1e-3, xtol=1e-22, rtol=1e-15)
 
 
-def test_the_friction_damper_of_vm320_as_its_closed_form_differentiated():
-    """The numbers of its joint, its level and its damping: exactly with exact coefficients, with samples to the first order."""
+def test_derivatives_of_the_friction_damper_of_vm320_are_those_of_its_closed_form():
+    """The derivatives by limit, k_t, level and damping: exact with exact coefficients, first order with samples."""
     exact = {name: slope(lambda h, v=v, name=name: size_of_damper(**{name: v * (1.0 + h)})) / v
              for name, v in {"limit": 246.048, "k_t": 2.4e7, "level": 123.024, "c": 7700.0, "omega": 200.0}.items()}  # fmt: skip
-    missed = []
+    errors = []
     for n_samples in (128, 1024, None):
         model, law = reduced(damper(), COMM, 1)
         if n_samples is None:
@@ -147,15 +149,15 @@ def test_the_friction_damper_of_vm320_as_its_closed_form_differentiated():
         size, _ = of_size(cos, sin, *rows)
         by = dict(zip((*NUMBERS, *COMMON), size))
         of_damper = by["mu"] / 246.048, by["k_t"], by["level"], by["damping"] / 7700.0, by["omega"]
-        missed.append([abs(got / wanted - 1.0) for got, wanted in zip(of_damper, exact.values())])
-    print(f"largest difference with 128 and 1024 samples and without: {[float(f'{max(each):.2g}') for each in missed]}")
-    assert np.max(missed[0]) < 0.25 and np.max(missed[1]) < 0.25 / 8.0, missed  # the first order in 1 / N_t
-    assert np.max(missed[2]) < 1e-8, missed
+        errors.append([abs(got / wanted - 1.0) for got, wanted in zip(of_damper, exact.values())])
+    print(f"largest difference with 128 and 1024 samples and without: {[float(f'{max(each):.2g}') for each in errors]}")
+    assert np.max(errors[0]) < 0.25 and np.max(errors[1]) < 0.25 / 8.0, errors  # first order in 1 / N_t
+    assert np.max(errors[2]) < 1e-8, errors
 
 
 @pytest.mark.parametrize("name", ["mu", "k_t", "k_n"])
-def test_on_a_sector_of_a_disc_each_harmonic_has_its_own_complex_matrices(name):
-    """Numbers of the pairs of all sectors at once; damping that is stated for modes, those of another stiffness, too."""
+def test_derivatives_on_a_sector_of_a_disc_with_complex_matrices_per_harmonic(name):
+    """Parameters of the pairs of all sectors at once, including modal damping of a changed stiffness."""
     sector = Sector(COMM, 5, lambda n: n % 5)
     model = replace(sector.model(Harmonics.up_to(3)), stated_damping=ModalDamping(ratio=ZETA))
     equation = HarmonicBalance.of_all(model, sector.law, 160)

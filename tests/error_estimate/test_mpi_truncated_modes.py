@@ -1,4 +1,4 @@
-"""The part of the truncated modes against what they do change, under every kind of damping: a chain whose one pair sticks."""
+"""The part of the truncated modes compared with their true effect, under every kind of damping: a chain whose one pair sticks."""
 
 import numpy as np
 import pytest
@@ -12,12 +12,12 @@ AT = (0.1, 0.2)  # rad/s, about the first modes
 
 
 def chain(damping):
-    """Masses along a line, each with three directions that its springs couple, the last held by a pair that sticks."""
+    """Return masses in a line, each with three directions coupled by springs; a sticking pair holds the last one."""
     rng = np.random.default_rng(3)
     A = rng.standard_normal((N, N))
     links = np.diag(np.full(N, 2.2)) - np.diag(np.ones(N - 3), 3) - np.diag(np.ones(N - 3), -3)
     K, M = links + 0.002 * A @ A.T, np.diag(rng.uniform(0.5, 2.0, N))
-    M[3, 3] = 0.01  # what moves under the load beyond the modes kept does so at far higher frequencies
+    M[3, 3] = 0.01  # the truncated modes that the load excites have much higher frequencies
     load = np.zeros(N)
     load[3] = 1.0
     return make_system(
@@ -46,7 +46,7 @@ DAMPINGS = {
 
 
 @pytest.mark.parametrize("name", list(DAMPINGS))
-def test_the_bar_holds_what_the_modes_left_out_change(name, comm, shared_path):
+def test_the_error_bar_estimates_the_effect_of_truncated_modes(name, comm, shared_path):
     path = shared_path / "scene.toml"
     if comm.rank == 0:
         write_matrix_scene(shared_path, chain(DAMPINGS[name]), [1.0], (0.08, 0.22), at=AT, outputs=[0, 3, 10], points=6, modes=4)
