@@ -1,16 +1,16 @@
-"""The contact force of one pair and its derivative by the plain return map, sample by sample: the law in its simplest words.
+"""Reference for the contact force of a pair and its derivative: the plain return map, sample by sample.
 
     T = T0 + k_t du_t at the first sample, T0 = -k_t w0; from there
     N = max(0, N0 - k_n du_z);  T_pred = T + k_t d(du_t);  |T_pred| <= mu N: stick, else T = mu N T_pred / |T_pred|
 
-Shares nothing with the program: own Fourier sums, the force T as state (not the slider), values carried with gradients.
+Independent of the program: separate Fourier sums, the force T as state (not the slider), values carried with their gradients.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-MOST = 60  # periods
+MOST = 60  # largest number of periods
 
 
 def rows(H, N_t):
@@ -24,24 +24,24 @@ def rows(H, N_t):
 
 @dataclass(frozen=True)
 class Marched:
-    """The kept period of one pair."""
+    """The recorded period of one pair."""
 
     p: np.ndarray  # (3, N_H)
     P: np.ndarray  # (3 N_H, 3 N_H)
     T: np.ndarray  # (N_t, 2)
     N: np.ndarray  # (N_t,)
-    pattern: tuple  # what each sample of every period did: slip in x, slip in y (or in the circle), open
+    pattern: tuple  # state of each sample of every period: slip in x, slip in y (or in the circle), open
     margin: float  # least distance from a change of any of these, relative to the forces
-    is_settled: bool  # the kept period repeats the one before
+    is_settled: bool  # the recorded period repeats the previous one
 
     @property
     def state(self):
-        kept = self.pattern[-len(self.N) :]
-        return 2 if any(open_ for _, _, open_ in kept) else 1 if any(x or y for x, y, _ in kept) else 0
+        period = self.pattern[-len(self.N) :]
+        return 2 if any(open_ for _, _, open_ in period) else 1 if any(x or y for x, y, _ in period) else 0
 
 
 def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t, w0=(0.0, 0.0)):
-    """March the pair with harmonics U (3, N_H) through periods of N_t samples, two at least, until one repeats."""
+    """March the pair with harmonics U (3, N_H) through at least two periods of N_t samples, until one repeats."""
     N_H = U.shape[1]
     E = rows(N_H // 2, N_t)
     du = E @ U.T
@@ -70,7 +70,7 @@ def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t, w0=(0.0, 0.0)):
         T = T + k_t * (du[j, :2] - du[before, :2])
         dT = dT + k_t * (gradient[j][:2] - gradient[before][:2])
         limit, size = mu * N, np.abs(T) if separate else np.full(2, np.hypot(*T))
-        free = limit == 0.0 and k_t > 0.0  # no friction: T is zero, whatever happens
+        free = limit == 0.0 and k_t > 0.0  # no friction: T is zero in any case
         slips = (size > limit) | free
         margin = margin if free else min(margin, *np.abs(size - limit) / scale)
         if free:

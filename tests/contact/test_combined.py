@@ -1,4 +1,4 @@
-"""Laws side by side in one scene, and what any law of the room owes the others: derivatives, order, steps like cycles."""
+"""Laws combined in one scene, and the requirements on every law: derivatives, order, steps that agree with cycles."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,14 @@ N_H, SEPARATE = 7, 77
 
 
 def limits(n, seed):
-    """Return which pairs have separate limits; on a circle sliders drift, which plain marching takes long to come to the end of."""
+    """Return which pairs have separate limits; sliders in a circle drift, so that plain marching takes many periods."""
     return np.ones(n, dtype=bool) if seed == SEPARATE else np.random.default_rng(seed).random(n) < 0.5
 
 
-def elastic(n, seed=0, **own):
+def elastic(n, seed=0, **owned):
     rng = np.random.default_rng(seed)
     mu, N0, k_t, k_n = rng.uniform(0.2, 0.5, n), rng.uniform(0.5, 3.0, n), rng.uniform(2.0, 4.0, n), rng.uniform(2.0, 5.0, n)
-    return ElasticCoulomb(mu, N0, k_t, k_n, **{"separate": limits(n, seed), **own})
+    return ElasticCoulomb(mu, N0, k_t, k_n, **{"separate": limits(n, seed), **owned})
 
 
 def by_direction(n, seed=0):
@@ -45,8 +45,8 @@ def iwan(n, seed=0):
 
 
 def mixed(n, seed=0):
-    own = np.random.default_rng(seed).permutation(n)
-    parts = [np.sort(own[i::3]) for i in range(3)]
+    owned = np.random.default_rng(seed).permutation(n)
+    parts = [np.sort(owned[i::3]) for i in range(3)]
     return as_one([(part, make(len(part), seed)) for part, make in zip(parts, (elastic, rough, iwan))])
 
 
@@ -59,13 +59,15 @@ def motions(n, size, seed=5):
 
 @pytest.mark.parametrize("make", MAKERS)
 def test_derivative_of_a_cycle_is_exact(make):
-    of, U = make(9), motions(9, 0.4)
-    cycle, d = of.cycle(U, 64), motions(9, 0.3, seed=8)
+    law_of_pairs, U = make(9), motions(9, 0.4)
+    cycle, d = law_of_pairs.cycle(U, 64), motions(9, 0.3, seed=8)
     P = np.zeros((9, 3 * N_H, 3 * N_H))
     P[cycle.active] = cycle.P
     first = np.einsum("nij,nj->ni", P, d.reshape(9, -1))
     steps = 1e-4 * 0.25 ** np.arange(4)
-    remains = np.array([np.abs((of.cycle(U + h * d, 64, False).p - cycle.p).reshape(9, -1) - h * first).max(1) for h in steps])
+    remains = np.array(
+        [np.abs((law_of_pairs.cycle(U + h * d, 64, False).p - cycle.p).reshape(9, -1) - h * first).max(1) for h in steps]
+    )
     assert len(cycle.active) >= 8 and np.abs(first).max() > 0.1
     assert np.all(remains[-1] < 1e-4 * steps[-1] * np.abs(first).max())
     assert np.median(np.log(remains[0] / remains[2]) / np.log(16.0)) == pytest.approx(2.0, abs=0.2)
@@ -73,145 +75,145 @@ def test_derivative_of_a_cycle_is_exact(make):
 
 @pytest.mark.parametrize("make", MAKERS)
 def test_derivative_of_a_step_is_exact(make):
-    of, rng = make(40), np.random.default_rng(4)
-    before = np.zeros((40, 3 + of.n_memory))
+    law_of_pairs, rng = make(40), np.random.default_rng(4)
+    before = np.zeros((40, 3 + law_of_pairs.n_memory))
     for _ in range(3):
-        before, _, _ = of.step(0.4 * rng.standard_normal((40, 3)), before)
+        before, _, _ = law_of_pairs.step(0.4 * rng.standard_normal((40, 3)), before)
     du, d = 0.4 * rng.standard_normal((2, 40, 3))
-    after, L, _ = of.step(du, before)
+    after, L, _ = law_of_pairs.step(du, before)
     h = 1e-6
-    change = [of.step(du + sign * h * d, before)[0][:, :3] for sign in (1.0, -1.0)]
+    change = [law_of_pairs.step(du + sign * h * d, before)[0][:, :3] for sign in (1.0, -1.0)]
     slope = (change[0] - change[1]) / (2.0 * h)
     assert np.abs(slope - np.einsum("nij,nj->ni", L, d)).max() < 1e-6 and np.abs(slope).max() > 0.1
 
 
 @pytest.mark.parametrize("make", MAKERS)
-def test_steps_through_the_samples_come_to_the_cycle_of_the_return_map(make):
-    of, U = make(6, SEPARATE).followed(False), motions(6, 0.3)
-    du, before = np.moveaxis(synthesise(U, 64), -1, 0), np.zeros((6, 3 + of.n_memory))
+def test_steps_through_the_samples_converge_to_the_cycle_of_the_return_map(make):
+    law_of_pairs, U = make(6, SEPARATE).followed(False), motions(6, 0.3)
+    du, before = np.moveaxis(synthesise(U, 64), -1, 0), np.zeros((6, 3 + law_of_pairs.n_memory))
     for _ in range(4):
         forces = []
         for at in du:
-            before, _, _ = of.step(at, before)
+            before, _, _ = law_of_pairs.step(at, before)
             forces.append(before[:, :3])
     marched = analyse(np.moveaxis(np.array(forces), 0, -1), Harmonics.full(N_H))
-    cycle = of.cycle(U, 64)
+    cycle = law_of_pairs.cycle(U, 64)
     assert np.abs(marched - cycle.p).max() < 1e-12 * np.abs(cycle.p).max()
 
 
 @pytest.mark.parametrize("make", MAKERS)
-def test_samples_converge_at_the_order_that_the_law_states(make):
+def test_samples_converge_at_the_stated_order_of_the_law(make):
     for path in (True, False):
-        of, U = make(24).followed(path), motions(24, 0.3)
-        exact = of.cycle(U, 4096, False).p
-        sizes = [np.linalg.norm(of.cycle(U, N_t, False).p - exact) for N_t in (64, 256)]
-        assert np.log(sizes[0] / sizes[1]) / np.log(4.0) > of.order - 0.25
+        law_of_pairs, U = make(24).followed(path), motions(24, 0.3)
+        exact = law_of_pairs.cycle(U, 4096, False).p
+        sizes = [np.linalg.norm(law_of_pairs.cycle(U, N_t, False).p - exact) for N_t in (64, 256)]
+        assert np.log(sizes[0] / sizes[1]) / np.log(4.0) > law_of_pairs.order - 0.25
         assert sizes[1] < (2e-3 if path else 3e-2) * np.linalg.norm(exact)
 
 
 @pytest.mark.parametrize("make", MAKERS)
-def test_every_cycle_loses_energy(make):
+def test_every_cycle_dissipates_energy(make):
     U = motions(60, 0.3, seed=11)
     p = make(60).cycle(U, 256, False).p
     assert pair_energy(U, p).min() > -1e-4 * np.abs(pair_energy(U, p)).max()
 
 
 @pytest.mark.parametrize("make", MAKERS)
-def test_limits_are_on_the_safe_side(make):
-    of, U = make(30), motions(30, 0.2, seed=2)
+def test_no_pair_slips_within_its_slip_safety(make):
+    law_of_pairs, U = make(30), motions(30, 0.2, seed=2)
     most = np.abs(U[..., 0]) + np.hypot(U[..., 1::2], U[..., 2::2]).sum(axis=-1)
-    safety = of.slip_safety(most)
+    safety = law_of_pairs.slip_safety(most)
     sure = np.flatnonzero(np.isfinite(safety) & (safety > 0.0))
-    below = of.take(sure).cycle(0.999 * safety[sure, None, None] * U[sure], 64)
+    below = law_of_pairs.take(sure).cycle(0.999 * safety[sure, None, None] * U[sure], 64)
     assert len(below.active) == 0
-    share = of.slipping_share(most, 1.0)
+    share = law_of_pairs.slipping_share(most, 1.0)
     assert share.shape == (30, 3) and np.all((share >= 0.0) & (share <= 1.0))
-    assert of.utilisation(most).shape == (30,)
+    assert law_of_pairs.utilisation(most).shape == (30,)
 
 
-def test_half_wave_symmetry_is_kept_where_it_is_said_to_be():
-    of, harmonics = mixed(12), Harmonics.odd_up_to(5)
+def test_half_wave_symmetry_is_preserved_where_the_law_states_it():
+    law_of_pairs, harmonics = mixed(12), Harmonics.odd_up_to(5)
     U = np.zeros((12, 3, N_H))
     U[:, :2, [1, 2, 5, 6]] = 0.3 * np.random.default_rng(1).standard_normal((12, 2, 4))
     moves = np.tile([True, True, False], (12, 1))
-    assert of.keeps_half_wave_symmetry(moves).all()
-    even = of.cycle(U, 64, False).p[:, :, [0, 3, 4]]
+    assert law_of_pairs.keeps_half_wave_symmetry(moves).all()
+    even = law_of_pairs.cycle(U, 64, False).p[:, :, [0, 3, 4]]
     assert np.abs(even).max() < 1e-8
-    assert harmonics.n_coefficients == 6 and of.cycle(U[:, :, 1:], 64, harmonics=Harmonics((1, 2, 3))).P is not None
+    assert harmonics.n_coefficients == 6 and law_of_pairs.cycle(U[:, :, 1:], 64, harmonics=Harmonics((1, 2, 3))).P is not None
 
 
-def test_several_laws_are_their_parts_bit_for_bit_in_the_order_of_the_pairs():
-    of, U = mixed(15), motions(15, 0.4)
-    assert isinstance(of, CombinedLaw) and of.n_pairs == 15 and of.order == 2
-    cycle = of.cycle(U, 64)
-    before = np.zeros((15, 3 + of.n_memory))
-    after, L, state = of.step(U[..., 1], before)
-    seen = np.zeros(15, dtype=int)
-    for own, law in of.parts:
-        alone = law.cycle(U[own], 64)
-        seen[own] += 1
-        assert np.array_equal(cycle.p[own], alone.p) and np.array_equal(cycle.state[own], alone.state)
-        place = np.searchsorted(cycle.active, own[alone.active])
-        assert np.array_equal(cycle.active[place], own[alone.active]) and np.array_equal(cycle.P[place], alone.P)
-        assert np.array_equal(of.stiffness[own], law.stiffness)
-        stepped = law.step(U[own][..., 1], before[own, : 3 + law.n_memory])
-        assert np.array_equal(after[own, : 3 + law.n_memory], stepped[0])
-        assert np.array_equal(L[own], stepped[1]) and np.array_equal(state[own], stepped[2])
-    assert np.all(seen == 1) and np.all(np.diff(cycle.active) > 0)
+def test_combined_laws_equal_their_parts_bit_for_bit():
+    law_of_pairs, U = mixed(15), motions(15, 0.4)
+    assert isinstance(law_of_pairs, CombinedLaw) and law_of_pairs.n_pairs == 15 and law_of_pairs.order == 2
+    cycle = law_of_pairs.cycle(U, 64)
+    before = np.zeros((15, 3 + law_of_pairs.n_memory))
+    after, L, state = law_of_pairs.step(U[..., 1], before)
+    counts = np.zeros(15, dtype=int)
+    for owned, law in law_of_pairs.parts:
+        alone = law.cycle(U[owned], 64)
+        counts[owned] += 1
+        assert np.array_equal(cycle.p[owned], alone.p) and np.array_equal(cycle.state[owned], alone.state)
+        place = np.searchsorted(cycle.active, owned[alone.active])
+        assert np.array_equal(cycle.active[place], owned[alone.active]) and np.array_equal(cycle.P[place], alone.P)
+        assert np.array_equal(law_of_pairs.stiffness[owned], law.stiffness)
+        stepped = law.step(U[owned][..., 1], before[owned, : 3 + law.n_memory])
+        assert np.array_equal(after[owned, : 3 + law.n_memory], stepped[0])
+        assert np.array_equal(L[owned], stepped[1]) and np.array_equal(state[owned], stepped[2])
+    assert np.all(counts == 1) and np.all(np.diff(cycle.active) > 0)
 
 
-def test_pairs_taken_a_few_at_a_time_are_those_taken_together(monkeypatch):
-    of, U = rough(9), motions(9, 0.4)
-    together = of.cycle(U, 32)
-    monkeypatch.setattr(bundle, "_MOST_DERIVATIVES", 2 * of.bundle.size * (3 * N_H) ** 2)
-    separate = of.cycle(U, 32)
-    assert np.allclose(separate.p, together.p, rtol=0.0, atol=1e-13) and np.array_equal(separate.active, together.active)
-    assert np.allclose(separate.P, together.P, rtol=0.0, atol=1e-10) and np.array_equal(separate.state, together.state)
+def test_cycles_in_batches_equal_cycles_of_all_pairs(monkeypatch):
+    law_of_pairs, U = rough(9), motions(9, 0.4)
+    all_at_once = law_of_pairs.cycle(U, 32)
+    monkeypatch.setattr(bundle, "_MOST_DERIVATIVES", 2 * law_of_pairs.bundle.size * (3 * N_H) ** 2)
+    separate = law_of_pairs.cycle(U, 32)
+    assert np.allclose(separate.p, all_at_once.p, rtol=0.0, atol=1e-13) and np.array_equal(separate.active, all_at_once.active)
+    assert np.allclose(separate.P, all_at_once.P, rtol=0.0, atol=1e-10) and np.array_equal(separate.state, all_at_once.state)
 
 
-def test_part_of_several_laws():
-    of, U = mixed(15), motions(15, 0.4)
-    whole = of.cycle(U, 32, False)
+def test_subsets_of_combined_laws():
+    law_of_pairs, U = mixed(15), motions(15, 0.4)
+    whole = law_of_pairs.cycle(U, 32, False)
     for chosen in (np.array([11, 3, 4]), slice(2, 9), np.arange(15) % 2 == 0):
-        assert np.allclose(of.take(chosen).cycle(U[chosen], 32, False).p, whole.p[chosen], rtol=0.0, atol=1e-14)
-    own, law = of.parts[1]
-    assert type(of.take(own)) is type(law)  # one law is itself again
-    assert of.take([]).n_pairs == 0 and of.take([]).cycle(np.zeros((0, 3, N_H)), 32).p.shape == (0, 3, N_H)
+        assert np.allclose(law_of_pairs.take(chosen).cycle(U[chosen], 32, False).p, whole.p[chosen], rtol=0.0, atol=1e-14)
+    owned, law = law_of_pairs.parts[1]
+    assert type(law_of_pairs.take(owned)) is type(law)  # a single law is not wrapped
+    assert law_of_pairs.take([]).n_pairs == 0 and law_of_pairs.take([]).cycle(np.zeros((0, 3, N_H)), 32).p.shape == (0, 3, N_H)
 
 
-def test_pairs_name_their_laws():
+def test_pairs_select_their_laws_by_name():
     columns = {name: np.array(values) for name, values in {"mu": [0.3] * 4, "N0": [2.0] * 4, "k_t": [3.0] * 4}.items()}
     columns |= {"k_n": np.full(4, 5.0), "separate": np.zeros(4, dtype=bool), "T0": np.zeros((4, 2))}
     columns |= {"open_at_rest": np.zeros(4, dtype=bool)}
     keys = {"exponent": None, "sliders": None, "chi": -0.5, "beta": 0.2}
-    own = joined([(1, {}), (2, columns_of_joint("rough", keys, 2)), (1, columns_of_joint("iwan", keys, 1))])
-    assert np.isnan(own["exponent"][[0, 3]]).all() and own["sliders"].tolist()[1:] == [24.0, 24.0, 50.0]
-    of = law_of(["elastic-coulomb", "rough", "rough", "iwan"], columns | own)
-    assert [type(law).__name__ for _, law in of.parts] == ["ElasticCoulomb", "Rough", "Iwan"]
-    assert of.parts[2][1].F_S.tolist() == [0.6]
+    owned = joined([(1, {}), (2, columns_of_joint("rough", keys, 2)), (1, columns_of_joint("iwan", keys, 1))])
+    assert np.isnan(owned["exponent"][[0, 3]]).all() and owned["sliders"].tolist()[1:] == [24.0, 24.0, 50.0]
+    law_of_pairs = law_of(["elastic-coulomb", "rough", "rough", "iwan"], columns | owned)
+    assert [type(law).__name__ for _, law in law_of_pairs.parts] == ["ElasticCoulomb", "Rough", "Iwan"]
+    assert law_of_pairs.parts[2][1].F_S.tolist() == [0.6]
     alone = law_of(["elastic-coulomb"] * 4, columns)
     assert type(alone) is ElasticCoulomb and alone.k_ty is None
     assert law_of([], {name: values[:0] for name, values in columns.items()}).n_pairs == 0
     assert tuple(LAWS) == ("elastic-coulomb", "rough", "iwan")
 
 
-# -- what y has of its own -----------------------------------------------------------------------------------------
+# -- parameters of y ------------------------------------------------------------------------------------------------
 
 
-def test_directions_of_their_own_are_two_elements_under_one_pressure():
-    of, U = by_direction(20), motions(20, 0.3)
-    cycle = of.cycle(U, 128)
-    for axis, k, mu in ((0, of.k_t, of.mu), (1, of.k_ty, of.mu_y)):
+def test_different_parameters_in_x_and_y_are_two_elements_under_one_pressure():
+    law_of_pairs, U = by_direction(20), motions(20, 0.3)
+    cycle = law_of_pairs.cycle(U, 128)
+    for axis, k, mu in ((0, law_of_pairs.k_t, law_of_pairs.mu), (1, law_of_pairs.k_ty, law_of_pairs.mu_y)):
         w0 = np.zeros((20, 2))
-        w0[:, 0] = of.w0[:, axis]
-        alone = ElasticCoulomb(mu, of.N0, k, of.k_n, of.separate, w0)
+        w0[:, 0] = law_of_pairs.w0[:, axis]
+        alone = ElasticCoulomb(mu, law_of_pairs.N0, k, law_of_pairs.k_n, law_of_pairs.separate, w0)
         turned = U.copy()
         turned[:, 0], turned[:, 1] = U[:, axis], 0.0
         assert np.allclose(cycle.p[:, axis], alone.cycle(turned, 128).p[:, 0], rtol=1e-10, atol=1e-12)
-    assert np.allclose(of.stiffness, np.column_stack([of.k_t, of.k_ty, of.k_n]))
+    assert np.allclose(law_of_pairs.stiffness, np.column_stack([law_of_pairs.k_t, law_of_pairs.k_ty, law_of_pairs.k_n]))
 
 
-def test_the_same_number_twice_is_that_number():
+def test_equal_parameters_in_x_and_y_are_isotropic():
     plain = elastic(5, separate=np.ones(5, dtype=bool))
     twice = ElasticCoulomb(plain.mu, plain.N0, plain.k_t, plain.k_n, plain.separate, k_ty=plain.k_t, mu_y=plain.mu)
     assert twice.k_ty is None and twice.mu_y is None
@@ -219,9 +221,9 @@ def test_the_same_number_twice_is_that_number():
     assert np.array_equal(twice.cycle(U, 64).P, plain.cycle(U, 64).P)
 
 
-def test_a_circle_takes_one_number():
-    one = np.ones(2)
+def test_a_friction_circle_takes_a_single_parameter():
+    ones = np.ones(2)
     with pytest.raises(ValueError, match="k_ty of pair 1 differs from x, which needs separate limits"):
-        ElasticCoulomb(one, one, one, one, np.array([True, False]), k_ty=2.0 * one)
+        ElasticCoulomb(ones, ones, ones, ones, np.array([True, False]), k_ty=2.0 * ones)
     with pytest.raises(ValueError, match="mu_y of pair 0 differs"):
-        ElasticCoulomb(one, one, one, one, one > 0, mu_y=0.0 * one)
+        ElasticCoulomb(ones, ones, ones, ones, ones > 0, mu_y=0.0 * ones)

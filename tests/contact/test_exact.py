@@ -1,4 +1,4 @@
-"""Sampled contact loops against exact results; the numbers are those of the project's validation collection."""
+"""Sampled contact loops compared with exact results; the numbers are those of the project's validation collection."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def joint(n=1, mu=0.5, N0=6.0, k_t=2.0, k_n=4.0, separate=False, w0=(0.0, 0.0)):
 
 
 def motion(n=1, H=1, **coefficients):
-    """Harmonics (n, 3, 2 H + 1) from x=, y=, z= lists of leading coefficients."""
+    """Return harmonics (n, 3, 2 H + 1) from x=, y=, z= lists of leading coefficients."""
     U = np.zeros((n, 3, 2 * H + 1))
     for name, values in coefficients.items():
         U[:, "xyz".index(name), : len(values)] = values
@@ -41,14 +41,14 @@ def test_loop_dissipates_4_mu_N0_times_the_slip(X, separate):
 
 
 @pytest.mark.parametrize("X", [0.0, 0.3, 1.499999999])
-def test_below_the_limit_nothing_is_lost_and_p_is_exactly_zero(X):
+def test_below_the_limit_the_loss_and_p_are_exactly_zero(X):
     cycle = joint().cycle(motion(H=3, x=[0.0, X]), 128)
     assert cycle.state[0] == STICK and len(cycle.active) == 0 and cycle.P.shape == (0, 21, 21)
     assert np.all(cycle.p == 0.0)
 
 
-def test_jenkins_harmonic_and_its_convergence():
-    """The error depends on where the samples meet the corners of the loop; its envelope falls as N_t^-2."""
+def test_harmonic_of_a_jenkins_element_converges_with_samples():
+    """The error depends on the samples relative to the corners of the loop; its envelope falls as N_t^-2."""
     U, exact = motion(x=[0.0, 5.0]), np.array([0.0, 2.5231578773, -2.6738030439])  # f ~ a1 cos - b1 sin
     for base in (128, 512, 2048):
         N_t = np.arange(base, base + 64, 2)
@@ -56,8 +56,8 @@ def test_jenkins_harmonic_and_its_convergence():
         assert 14.0 < np.max(errors * N_t**2) < 18.0
 
 
-def test_circle_path():
-    """The slider trails on a circle of radius sqrt(X^2 - d^2), its spring tangent to it."""
+def test_forces_and_loss_of_a_circular_path():
+    """The slider moves on a circle of radius sqrt(X^2 - d^2), its spring tangent to it."""
     X, d, muN, k_t = 5.0, 1.5, 3.0, 2.0
     U = motion(x=[0.0, X, 0.0], y=[0.0, 0.0, X])
     T = friction(U, joint(), 16384)[0]
@@ -67,7 +67,7 @@ def test_circle_path():
     assert loss == pytest.approx(2.0 * np.pi * muN * np.sqrt(X**2 - d**2), rel=1e-3)
 
 
-def test_turning_the_path_turns_the_force_and_its_derivative():
+def test_rotating_the_path_rotates_the_force_and_its_derivative():
     rng = np.random.default_rng(2)
     U, law = rng.standard_normal((30, 3, 7)), joint(30, N0=2.0, k_n=1.0)
     angle = rng.uniform(0.0, 2.0 * np.pi)
@@ -85,8 +85,8 @@ def loop_area(corners):
     return 0.5 * abs(np.dot(u, np.roll(T, -1)) - np.dot(T, np.roll(u, -1)))
 
 
-def test_normal_load_that_follows_the_motion():
-    """u = X cos, N = N0 + gamma u: a loop with slanted friction sides, exact by its corners."""
+def test_loss_with_a_normal_load_in_phase_with_the_motion():
+    """u = X cos, N = N0 + gamma u: a loop with inclined friction sides, exact by its corners."""
     X, mu, N0, k_t, gamma = 5.0, 0.5, 6.0, 2.0, 0.8
     down = (k_t * X - mu * (2.0 * N0 + gamma * X)) / (k_t + mu * gamma)
     up = (2.0 * mu * N0 - (k_t + mu * gamma) * X) / (k_t - mu * gamma)
@@ -97,8 +97,8 @@ def test_normal_load_that_follows_the_motion():
     assert pair_energy(U, cycle.p)[0] == pytest.approx(loop_area(corners), rel=1e-5)
 
 
-def test_lift_off_lets_the_friction_go():
-    """As above with gamma X > N0: the pair opens below u = -N0 / gamma, and grips again without force."""
+def test_friction_is_zero_while_the_pair_is_open():
+    """The same loop with gamma X > N0: the pair opens below u = -N0 / gamma, and closes again without tangential force."""
     X, mu, N0, k_t, gamma = 5.0, 0.5, 6.0, 2.0, 2.0
     down = (k_t * X - mu * (2.0 * N0 + gamma * X)) / (k_t + mu * gamma)
     corners = [(X, mu * (N0 + gamma * X)), (down, -mu * (N0 + gamma * down)), (-N0 / gamma, 0.0)]
@@ -119,8 +119,8 @@ def test_normal_force_of_an_opening_pair():
     assert np.allclose(p[2] + [0.0, k_n * Z, 0.0], [mean, first, 0.0], atol=1e-5)
 
 
-def test_pair_that_stays_open_exerts_its_preload_less():
-    """Far apart the preload of a closed pair is gone: f_z = N0; with a gap there was none: f_z = 0."""
+def test_force_of_a_pair_open_in_the_whole_cycle():
+    """Open in the whole cycle, a pair with a preload loses it: f_z = N0; a pair with a gap has none to lose: f_z = 0."""
     U = motion(x=[0.0, 1.0], z=[100.0, 0.5])
     for N0, f_z in ((6.0, 6.0), (-6.0, 0.0)):
         cycle = joint(N0=N0).cycle(U, 64)
@@ -129,15 +129,15 @@ def test_pair_that_stays_open_exerts_its_preload_less():
         assert np.allclose(cycle.P[0], np.diag([-2.0] * 6 + [-4.0] * 3), atol=1e-13)
 
 
-def test_gap_that_is_closed_all_the_time():
-    """Pressed by 5 N/k_n beyond the gap, the pair is linear about f_z = k_n (du_z + g0): p is a constant."""
+def test_a_gap_closed_in_the_whole_cycle_has_a_constant_p():
+    """Closed by 5 N/k_n beyond the gap, the pair is linear about f_z = k_n (du_z + g0): p is constant."""
     cycle = joint(N0=-6.0).cycle(motion(z=[-11.0 / 4.0, 0.5]), 64)
     assert cycle.state[0] == STICK and cycle.active.tolist() == [0]
     assert np.allclose(cycle.p[0], [[0.0] * 3, [0.0] * 3, [6.0, 0.0, 0.0]], atol=1e-14)
     assert np.abs(cycle.P).max() < 1e-14
 
 
-def test_separate_limits_are_two_elements_in_line():
+def test_separate_limits_are_two_elements_along_the_axes():
     U = motion(H=2, x=[0.2, 3.0, 1.0, 0.5], y=[-0.1, 1.0, -4.0, 0.0, 0.3])
     both = joint(separate=True).cycle(U, 128).p
     for a, name in enumerate("xy"):
@@ -161,7 +161,7 @@ def test_masing_loops_of_parallel_elements():
 def test_energy_is_the_time_integral_of_friction_power():
     rng = np.random.default_rng(6)
     U, N_t = rng.standard_normal((1, 3, 7)), 4096
-    p = replace(joint(N0=2.0, k_n=1.0), sampled=True).cycle(U, N_t).p  # whose T at the samples is all that counts
+    p = replace(joint(N0=2.0, k_n=1.0), sampled=True).cycle(U, N_t).p  # defined by T at the samples
     T = pair_harmonics(U[0], 0.5, 2.0, 2.0, 1.0, False, N_t).T
     power = np.sum(T * synthesise(differentiate(U), N_t)[0, :2].T)
     assert pair_energy(U, p)[0] == pytest.approx(2.0 * np.pi / N_t * power, rel=1e-12)
@@ -170,7 +170,7 @@ def test_energy_is_the_time_integral_of_friction_power():
     assert pair_energy(U, p)[0] == pytest.approx(np.sum(middle * steps), rel=1e-4)
 
 
-def test_law_scales_with_force_and_with_length():
+def test_forces_scale_with_the_units_of_force_and_length():
     rng = np.random.default_rng(9)
     U, law = rng.standard_normal((25, 3, 5)), joint(25, N0=2.0, k_n=1.0)
     plain = law.cycle(U, 64)
@@ -193,30 +193,30 @@ def test_more_samples_converge_to_the_same_force():
 
 
 @pytest.mark.parametrize("X", [0.3, 0.9])
-def test_below_the_limit_the_preload_stays_and_p_is_exactly_zero(X):
+def test_below_the_limit_the_tangential_preload_remains_and_p_is_exactly_zero(X):
     cycle = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, X * (1.0 - 1e-9)]), 128)
     assert cycle.state[0] == STICK and np.all(cycle.p == 0.0)
     assert len(joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, 0.9 + 1e-9]), 128).active) == 1
 
 
-def test_preload_that_slip_lowers_to_what_friction_holds():
-    """Within the slip distance the slider settles once: the peak keeps mu N0, the mean mu N0 - k_t X."""
+def test_slip_reduces_the_tangential_preload_to_the_friction_limit():
+    """Within the slip distance the slider slips once: the peak stays mu N0, the mean becomes mu N0 - k_t X."""
     cycle = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, 0.0, 1.2]), 128)
     assert cycle.state[0] == STICK and cycle.active.tolist() == [0]
     assert np.allclose(cycle.p[0, 0] + [1.2, 0.0, 0.0], [3.0 - 2.0 * 1.2, 0.0, 0.0], atol=1e-14)
 
 
 @pytest.mark.parametrize("separate", [False, True])
-def test_slip_both_ways_forgets_the_preload(separate):
-    """The loop of T lies about zero, so that p has the mean -T0; the loss is that without preload."""
+def test_slip_in_both_directions_removes_the_tangential_preload(separate):
+    """The loop of T is centred at zero, so that p has the mean -T0; the loss is the loss without preload."""
     U, plain, law = motion(x=[0.0, 5.0]), joint(separate=separate), joint(separate=separate, w0=(-0.6, 0.0))
     cycle = law.cycle(U, 4096)
     assert np.allclose(cycle.p - plain.cycle(U, 4096).p, motion(x=[-1.2]), atol=1e-13)
     assert pair_energy(U, cycle.p)[0] == pytest.approx(4.0 * 3.0 * (5.0 - 1.5), rel=1e-5)
 
 
-def test_a_start_that_moves_with_the_mean_changes_nothing():
-    """p depends on du_t - w0 alone."""
+def test_an_equal_shift_of_start_and_mean_does_not_change_p():
+    """The force p depends on du_t - w0 only."""
     rng = np.random.default_rng(14)
     U, w0, law = rng.standard_normal((30, 3, 7)), rng.standard_normal((30, 2)), joint(30, N0=2.0, k_n=1.0)
     shifted = U.copy()
@@ -230,8 +230,8 @@ def test_a_start_that_moves_with_the_mean_changes_nothing():
 
 
 @pytest.mark.parametrize("w0", [(0.0, 0.0), (-0.3, 0.0), (0.0, 0.4)])
-def test_motions_grow_up_to_their_safety_without_slip(w0):
-    """Peaks of all harmonics at once, in the direction of T0: no sharper bound holds."""
+def test_slip_safety_is_the_exact_factor_of_first_slip(w0):
+    """Peaks of all harmonics at once, in the direction of T0: the bound cannot be sharper."""
     law, U = joint(w0=w0), np.zeros((1, 3, 7))
     U[0, 1 if w0[1] else 0, 1::2] = [-0.3, -0.2, -0.1] if w0[1] else [0.3, 0.2, 0.1]
     U[0, 2, 1::2] = [0.05, 0.02, 0.03]
@@ -243,14 +243,14 @@ def test_motions_grow_up_to_their_safety_without_slip(w0):
     assert np.array_equal(law.slip_safety(np.stack([amplitudes, 2.0 * amplitudes])), [factor, factor / 2.0])
 
 
-def test_no_safety_without_friction_preload_or_contact():
+def test_slip_safety_is_zero_without_friction_preload_or_contact():
     for law in (joint(mu=0.0), joint(N0=0.0), joint(N0=-1.0), joint(w0=(1.5, 0.0))):
         assert law.slip_safety(np.array([[0.1, 0.0, 0.0]]))[0] == 0.0 == law.slip_safety(np.zeros((1, 3)))[0]
     assert joint().slip_safety(np.zeros((1, 3)))[0] == np.inf
 
 
-def test_share_of_the_limits_taken_up():
-    """Tangentially of mu N0 = 3 or what T0 leaves of it, normally of N0 = 6; the larger one counts."""
+def test_utilisation_of_the_limits():
+    """The tangential share is of mu N0 = 3, less T0; the normal share of N0 = 6; the larger one is returned."""
     amplitudes = np.array([[0.3, 0.4, 0.0], [0.3, 0.4, 1.2], [0.0, 0.0, 0.0]])
     assert np.allclose(joint(3).utilisation(amplitudes), [1.0 / 3.0, 0.8, 0.0])
     assert np.allclose(joint(3, w0=(0.5, 0.0)).utilisation(amplitudes), [0.5, 0.8, 0.0])
@@ -259,7 +259,7 @@ def test_share_of_the_limits_taken_up():
     assert joint(N0=-6.0).utilisation(np.array([[0.0, 0.0, 1.0]]))[0] == np.inf
 
 
-def test_share_of_the_force_that_slip_can_take_away():
+def test_share_of_the_force_that_slip_can_remove():
     law = replace(joint(5, mu=0.5, k_t=2.0, k_n=4.0), N0=np.array([10.0, 10.0, 10.0, -1.0, 0.0]))
     U = np.zeros((5, 3))
     U[:, 0] = [1.0, 5.0, 5.0, 5.0, 0.0]  # half a limit of 2.5 N: below it, four times it, with less normal force, open, at rest
@@ -270,7 +270,7 @@ def test_share_of_the_force_that_slip_can_take_away():
     np.testing.assert_allclose(held.slipping_share(U, 0.5)[:2], [[0.5, 0.5, 0], [0.9, 0.9, 0]])
 
 
-def test_which_pairs_keep_half_wave_symmetry():
+def test_pairs_that_preserve_half_wave_symmetry():
     along, both, normal = np.eye(3, dtype=bool)[[0]], np.array([[True, True, False]]), np.array([[False, False, True]])
     assert joint().keeps_half_wave_symmetry(along)[0] and joint(separate=True).keeps_half_wave_symmetry(both)[0]
     assert joint(mu=0.0).keeps_half_wave_symmetry(both)[0] and joint(k_t=0.0).keeps_half_wave_symmetry(both)[0]

@@ -1,4 +1,4 @@
-"""The four-parameter Iwan element against Segalman's closed forms: backbone, stiffness, slip force, loss by a power."""
+"""The four-parameter Iwan element compared with Segalman's closed forms: backbone, stiffness, slip force, loss."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,14 @@ def law(n=1, **own):
 
 
 def backbone(u, of):
-    """Return the force that grows from rest: K_T u - R u^(chi + 2) / ((chi + 1)(chi + 2)), F_S from phi_max on."""
+    """Return the force under increasing displacement: K_T u - R u^(chi + 2) / ((chi + 1)(chi + 2)), F_S from phi_max on."""
     chi, beta, phi_max = of.chi[0], of.beta[0], of.phi_max[0]
     R = K_T / (1.0 + beta) * (chi + 1.0) / phi_max ** (chi + 1.0)
     return np.where(u < phi_max, K_T * u - R * u ** (chi + 2.0) / ((chi + 1.0) * (chi + 2.0)), F_S)
 
 
 def pushed(of, u):
-    """Return the force (n,) at displacements ``u`` along x and y, from rest one after the other."""
+    """Return the force (n,) at displacements ``u`` along x and y, applied one after the other from rest."""
     forces, before = [], np.zeros((1, 3 + of.n_memory))
     for at in u:
         before, _, state = of.step(np.array([[at, -at, 0.0]]), before)
@@ -40,7 +40,7 @@ def test_backbone_stiffness_and_slip_force(chi, beta):
     ends = of.phi_max[0] * np.concatenate([1e-3 ** np.linspace(1.0, 0.0, 50), [1.5]])
     forces, state = pushed(of, ends)
     assert np.allclose(forces[:, 0], backbone(ends, of), rtol=1e-11)  # exact at the ends of the intervals
-    assert np.allclose(forces[:, 1], -forces[:, 0], rtol=1e-12)  # each direction on its own
+    assert np.allclose(forces[:, 1], -forces[:, 0], rtol=1e-12)  # the directions are independent
     assert forces[-1, 0] == pytest.approx(F_S, rel=1e-12) and state[0] == SLIP
     between = of.phi_max[0] * np.linspace(0.0, 1.2, 400)
     widest = of.phi_max[0] * (1.0 - 1e-3 ** (1.0 / 49.0))
@@ -50,8 +50,8 @@ def test_backbone_stiffness_and_slip_force(chi, beta):
     assert pushed(of, [tiny])[0][0, 0] == pytest.approx(K_T * tiny, rel=1e-12)
 
 
-def test_loss_a_cycle_is_a_power_of_the_amplitude():
-    """4 R u^(chi + 3) / ((chi + 2)(chi + 3)) below macro-slip: slope 3 + chi; its error falls as the sliders squared."""
+def test_loss_per_cycle_is_a_power_of_the_amplitude():
+    """4 R u^(chi + 3) / ((chi + 2)(chi + 3)) below macro-slip: slope 3 + chi; the error falls as the square of the sliders."""
     errors = []
     for n_sliders in (50, 99):
         of = law(n=3, n_sliders=n_sliders)
@@ -68,7 +68,7 @@ def test_loss_a_cycle_is_a_power_of_the_amplitude():
     assert np.allclose(slope, 3.0 + CHI, atol=2e-3)
 
 
-def test_loss_a_cycle_beyond_slip_grows_with_the_slip_force():
+def test_loss_per_cycle_in_gross_slip_grows_with_the_slip_force():
     of = law(n=2)
     U = np.zeros((2, 3, 3))
     U[:, 1, 2] = of.phi_max[0] * np.array([2.0, 3.0])
@@ -77,7 +77,7 @@ def test_loss_a_cycle_beyond_slip_grows_with_the_slip_force():
     assert of.cycle(U, 64).state.tolist() == [SLIP, SLIP]
 
 
-def test_the_normal_direction_is_a_spring_alone():
+def test_the_normal_direction_is_a_linear_spring():
     rng = np.random.default_rng(3)
     U = np.zeros((4, 3, 7))
     U[:, 2] = 100.0 * rng.standard_normal((4, 7))
@@ -90,7 +90,7 @@ def test_the_normal_direction_is_a_spring_alone():
     assert not cycle.P[:, 14:].any() and not cycle.P[:, :, 14:].any()
 
 
-def test_sticks_until_the_weakest_slider_slips():
+def test_an_iwan_element_sticks_until_its_weakest_slider_slips():
     of = law()
     safety = of.slip_safety(np.array([[0.0, 2.0, 9.0]]))[0]
     U = np.zeros((2, 3, 3))
@@ -98,43 +98,43 @@ def test_sticks_until_the_weakest_slider_slips():
     assert law(n=2).cycle(U, 64).active.tolist() == [1]
 
 
-def test_surfaces_share_the_slip_force_of_their_joint():
+def test_the_slip_force_of_a_joint_is_distributed_by_area():
     area = np.array([1e-4, 3e-4])
     keys = {"slip_force": 80.0, "tangential_stiffness": 1e12, "normal_stiffness": 2e12}
     columns = on_area(keys, area)
     assert np.allclose(columns["slip_force"], [20.0, 60.0]) and np.allclose(columns["k_t"], [1e8, 3e8])
 
 
-def test_parameters_out_of_range_are_refused():
+def test_iwan_parameters_out_of_range_are_rejected():
     with pytest.raises(ValueError, match="chi of pair 0 is -1, too small"):
         law(chi=-1.0)
 
 
-def test_about_another_rest_it_goes_on_as_it_would_have():
+def test_a_march_continues_unchanged_about_another_reference_state():
     of, rng = law(10), np.random.default_rng(3)
     path, before = np.cumsum(0.1 * rng.standard_normal((30, 10, 3)), axis=0), np.zeros((10, 3 + law().n_memory))
     for du in path[:15]:
         before, _, _ = of.step(du, before)
     rest, p_rest = path[14], before[:, :3]
-    there, after = of.about(rest, before[:, 3:]), np.zeros_like(before)
+    about_rest, after = of.about(rest, before[:, 3:]), np.zeros_like(before)
     T0 = p_rest[:, :2] + K_T * rest[:, :2]
     assert (
-        there.bundle.held_at_rest == pytest.approx(np.hypot(*T0.T), rel=1e-12)
-        and not there.keeps_half_wave_symmetry(path[0]).any()
+        about_rest.bundle.held_at_rest == pytest.approx(np.hypot(*T0.T), rel=1e-12)
+        and not about_rest.keeps_half_wave_symmetry(path[0]).any()
     )
     for du in path[15:]:
         before, _, _ = of.step(du, before)
-        after, _, _ = there.step(du - rest, after)
+        after, _, _ = about_rest.step(du - rest, after)
         assert after[:, :3] == pytest.approx(before[:, :3] - p_rest, abs=1e-13)
 
 
-def test_what_is_left_of_its_limits_about_another_rest():
+def test_slip_safety_about_another_reference_state():
     of = law(2)
     before, _, _ = of.step(np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros((2, 3 + of.n_memory)))
-    there, small = of.about(np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]), before[:, 3:]), np.array([[1e-3, 0.0, 0.0]] * 2)
+    about_rest, small = of.about(np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]), before[:, 3:]), np.array([[1e-3, 0.0, 0.0]] * 2)
     assert (
-        there.utilisation(small)[0] > 1.1 * there.utilisation(small)[1]
-        and there.utilisation(small)[1] == of.utilisation(small)[1]
+        about_rest.utilisation(small)[0] > 1.1 * about_rest.utilisation(small)[1]
+        and about_rest.utilisation(small)[1] == of.utilisation(small)[1]
     )
-    assert there.slip_safety(small)[0] < there.slip_safety(small)[1] == pytest.approx(of.slip_safety(small)[1])
-    assert there.take([0]).w0.shape == (1, 51, 2)
+    assert about_rest.slip_safety(small)[0] < about_rest.slip_safety(small)[1] == pytest.approx(of.slip_safety(small)[1])
+    assert about_rest.take([0]).w0.shape == (1, 51, 2)

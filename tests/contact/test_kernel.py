@@ -1,4 +1,4 @@
-"""The compiled kernel against plain oracles and central differences; what it must do at the edges of its input."""
+"""The compiled kernel compared with plain oracles and central differences, and its behaviour at the limits of its input."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ FAST = settings(max_examples=30, deadline=None, derandomize=True)
 
 @st.composite
 def joints(draw, largest_H=6, regular=False):
-    """Pairs of every kind, with their motion and the number of samples; ``regular`` leaves out zero parameters."""
+    """Return pairs of every kind, their motion and the number of samples; ``regular`` leaves out zero parameters."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     n, H = draw(st.integers(1, 20)), draw(st.integers(0, largest_H))
     N_t = draw(st.integers(2 * H + 1, 2 * H + 70))
@@ -36,7 +36,7 @@ def joints(draw, largest_H=6, regular=False):
 
 
 def marched(U, law, i, N_t):
-    """Return what the oracle finds for pair i."""
+    """Return the result of the oracle for pair i."""
     values = (getattr(law, name)[i] for name in ("mu", "N0", "k_t", "k_n", "separate"))
     return pair_harmonics(U, *values, N_t, law.w0[i])
 
@@ -46,12 +46,12 @@ def stiffness(law):
 
 
 def size_of(U, law):
-    """Return the size of each pair's motion, from the sliders' start, (n,)."""
+    """Return the size of each pair's motion, from the initial slider position, (n,)."""
     return np.abs(U).max(axis=(1, 2)) + np.abs(law.w0).max(axis=1)
 
 
 def path_harmonics(U, law, N_t):
-    """Return the harmonics of p by the oracle of the path between samples, and which pairs it found a steady cycle of."""
+    """Return the harmonics of p by the oracle of the path between samples, and which pairs reached a steady cycle in it."""
     du = np.moveaxis(synthesise(U, N_t), -1, 0)
     N = law.N0 - law.k_n * du[..., 2]
     cycle = path.steady(du, N, law.k_t, law.mu, law.separate, law.w0)
@@ -65,7 +65,7 @@ def path_harmonics(U, law, N_t):
 @pytest.mark.slow
 @FAST
 @given(joints(largest_H=6))
-def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
+def test_kernel_agrees_with_the_oracle_of_the_path_between_samples(joint):
     U, law, N_t = joint
     cycle = law.cycle(U, N_t, tangents=False)
     expected, is_settled = path_harmonics(U, law, N_t)
@@ -76,7 +76,7 @@ def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
 @pytest.mark.slow
 @FAST
 @given(joints(largest_H=9))
-def test_return_map_at_samples_meets_the_oracle(joint):
+def test_return_map_at_samples_agrees_with_the_oracle(joint):
     U, law, N_t = joint
     law = replace(law, sampled=True)
     cycle = law.cycle(U, N_t)
@@ -97,8 +97,8 @@ def test_return_map_at_samples_meets_the_oracle(joint):
 
 @pytest.mark.parametrize("separate", [False, True])
 @pytest.mark.parametrize("sampled", [False, True])
-def test_jacobian_meets_central_differences(sampled, separate):
-    """All but the few pairs that change at a sample within the difference; sliders that drift, or rest where they drifted, too."""
+def test_jacobian_agrees_with_central_differences(sampled, separate):
+    """For all but the few pairs that change state within the difference; includes sliders that drift or drifted."""
     rng, n, N_H = np.random.default_rng(3), 400, 7
     U = rng.standard_normal((n, 3, N_H)) / [1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]
     mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
@@ -115,7 +115,7 @@ def test_jacobian_meets_central_differences(sampled, separate):
 @pytest.mark.slow
 @FAST
 @given(joints(largest_H=4, regular=True))
-def test_jacobian_meets_central_differences_where_no_sample_switches(joint):
+def test_jacobian_agrees_with_central_differences_where_no_sample_switches(joint):
     U, law, N_t = joint
     law = replace(law, sampled=True)
     n, _, N_H = U.shape
@@ -155,8 +155,8 @@ def taylor_remainders(law, U, V, N_t, steps):
 @pytest.mark.slow
 @pytest.mark.parametrize("moved", range(3))
 @pytest.mark.parametrize("separate", [False, True])
-def test_remainder_of_the_derivative_falls_as_the_square_of_the_step_block_by_block(moved, separate):
-    """dp/dU in blocks: rows of each direction, columns of one; the sliders start away from the origin."""
+def test_taylor_remainder_of_each_block_falls_as_the_square_of_the_step(moved, separate):
+    """The blocks of dp/dU: rows of each direction, columns of one; sliders start away from the origin."""
     rng, n = np.random.default_rng(21), 60
     U, V = rng.standard_normal((2, n, 3, 5))
     V[:, np.arange(3) != moved] = 0.0
@@ -181,8 +181,8 @@ ALONG_THE_PATH = {
 
 
 @pytest.mark.parametrize("name", ALONG_THE_PATH)
-def test_remainder_of_the_derivative_of_every_law_falls_as_the_square_of_the_step(name):
-    """Of the path between samples, but for the few pairs that change at one within the steps."""
+def test_taylor_remainder_of_every_law_falls_as_the_square_of_the_step(name):
+    """For the path between samples, except the few pairs that change state at a sample within the steps."""
     law, (U, V) = ALONG_THE_PATH[name], 0.3 * np.random.default_rng(1).standard_normal((2, 40, 3, 5))
     cycle, steps = law.cycle(U, 64), 1e-3 * 0.25 ** np.arange(4)
     U, V, p = (values[cycle.active] for values in (U, V, cycle.p))
@@ -195,7 +195,7 @@ def test_remainder_of_the_derivative_of_every_law_falls_as_the_square_of_the_ste
 @pytest.mark.slow
 @FAST
 @given(joints())
-def test_kernel_meets_the_formulas_of_the_law(joint):
+def test_kernel_agrees_with_the_formulas_of_the_law(joint):
     U, law, N_t = joint
     law = replace(law, sampled=True)
     du = synthesise(U, N_t)  # (n, 3, N_t)
@@ -209,7 +209,7 @@ def test_kernel_meets_the_formulas_of_the_law(joint):
     if N_t == 1:
         T[:, :, 0], w, _ = friction_step(w, du[:, :2, 0], N[:, 0], law.k_t, law.mu, law.separate)
     is_settled = np.abs(w - before).max(axis=1) <= 1e-13 * size_of(U, law) if N_t > 1 else np.ones(len(U), dtype=bool)
-    T += (law.k_t[:, None] * law.w0)[:, :, None]  # from rest
+    T += (law.k_t[:, None] * law.w0)[:, :, None]  # relative to rest
     f_nl = np.concatenate([T, normal_contact_force(N, law.N0[:, None])[:, None]], axis=1)
     expected = analyse(f_nl - law.stiffness[:, :, None] * du, Harmonics.full(U.shape[2]))
     force = np.abs(law.N0) + stiffness(law) * size_of(U, law)
@@ -219,7 +219,7 @@ def test_kernel_meets_the_formulas_of_the_law(joint):
 
 @FAST
 @given(joints())
-def test_friction_never_gives_energy(joint):
+def test_friction_dissipates_energy(joint):
     U, law, N_t = joint
     p = law.cycle(U, max(N_t, 4 * U.shape[2]), tangents=False).p
     size = size_of(U, law)
@@ -228,19 +228,19 @@ def test_friction_never_gives_energy(joint):
 
 @FAST
 @given(joints(largest_H=3), st.randoms(use_true_random=False))
-def test_a_pair_does_not_depend_on_its_neighbours(joint, random):
+def test_pairs_are_independent_of_each_other(joint, random):
     U, law, N_t = joint
     order = list(range(len(U)))
     random.shuffle(order)
-    whole, mixed = law.cycle(U, N_t), law.take(order).cycle(U[order], N_t)
-    assert np.array_equal(mixed.p, whole.p[order]) and np.array_equal(mixed.state, whole.state[order])
-    assert sorted(np.array(order)[mixed.active]) == whole.active.tolist()
+    unpermuted, mixed = law.cycle(U, N_t), law.take(order).cycle(U[order], N_t)
+    assert np.array_equal(mixed.p, unpermuted.p[order]) and np.array_equal(mixed.state, unpermuted.state[order])
+    assert sorted(np.array(order)[mixed.active]) == unpermuted.active.tolist()
     for k, i in enumerate(np.array(order)[mixed.active]):
-        assert np.array_equal(mixed.P[k], whole.P[np.searchsorted(whole.active, i)])
+        assert np.array_equal(mixed.P[k], unpermuted.P[np.searchsorted(unpermuted.active, i)])
 
 
 @pytest.mark.parametrize("H", range(16))
-def test_every_number_of_harmonics_at_its_least_number_of_samples(H):
+def test_every_number_of_harmonics_with_its_smallest_number_of_samples(H):
     rng = np.random.default_rng(H)
     U = rng.standard_normal((9, 3, 2 * H + 1))
     law = ElasticCoulomb(*rng.uniform(0.2, 1.0, (4, 9)), rng.random(9) < 0.5, sampled=True)
@@ -254,9 +254,9 @@ def test_every_number_of_harmonics_at_its_least_number_of_samples(H):
 
 
 def test_too_few_samples_are_refused():
-    one = np.ones(1)
+    ones = np.ones(1)
     with pytest.raises(ValueError, match="at least 7"):
-        ElasticCoulomb(one, one, one, one, one > 2).cycle(np.zeros((1, 3, 7)), 6)
+        ElasticCoulomb(ones, ones, ones, ones, ones > 2).cycle(np.zeros((1, 3, 7)), 6)
 
 
 def one_pair(mu=0.5, N0=2.0, k_t=3.0, k_n=4.0, separate=False):
@@ -273,7 +273,7 @@ def test_no_pairs():
 @pytest.mark.parametrize(
     ("which", "value"), [("U", np.nan), ("U", np.inf), *((name, np.nan) for name in ("N0", "mu", "k_t", "k_n", "w0"))]
 )
-def test_not_a_number_stays_with_its_pair_and_is_not_hidden(which, value):
+def test_nan_affects_only_its_pair_and_is_returned(which, value):
     U = np.random.default_rng(3).standard_normal((3, 3, 7))
     arrays = dict(zip(("mu", "N0", "k_t", "k_n"), np.ones((4, 3)) * [[0.5], [2.0], [3.0], [4.0]], strict=True)) | {
         "w0": np.zeros((3, 2))
@@ -296,7 +296,7 @@ def test_without_tangents_the_forces_are_the_same():
     assert without.P is None and np.array_equal(with_P.p, without.p) and np.array_equal(with_P.active, without.active)
 
 
-def test_no_friction_slides_freely():
+def test_without_friction_a_pair_slides_freely():
     U = np.zeros((1, 3, 5))
     for motion in (0.0, 1e-9, 1.0):
         U[0, :2] = motion * np.random.default_rng(1).standard_normal((2, 5))
@@ -306,7 +306,7 @@ def test_no_friction_slides_freely():
         assert np.allclose(cycle.P[0], np.diag([-3.0] * 10 + [0.0] * 5), rtol=0.0, atol=1e-14)
 
 
-def test_no_stiffness_carries_no_force():
+def test_without_stiffness_a_pair_carries_no_force():
     U = np.random.default_rng(2).standard_normal((1, 3, 5)) * 100.0
     cycle = one_pair(k_t=0.0, k_n=0.0).cycle(U, 64)
     assert cycle.state[0] == STICK and len(cycle.active) == 0 and np.all(cycle.p == 0.0)
@@ -322,7 +322,7 @@ def test_huge_friction_sticks_until_the_pair_opens():
 
 
 def test_pairs_at_their_limit_stick_without_roundoff():
-    """Peaks that reach the limit from inside, to the last digit, leave p exactly zero."""
+    """Peaks that reach the limit from inside to the last digit: p is exactly zero."""
     rng = np.random.default_rng(8)
     angle = rng.uniform(0.0, 2.0 * np.pi, 200)
     U = np.zeros((200, 3, 3))
@@ -333,19 +333,19 @@ def test_pairs_at_their_limit_stick_without_roundoff():
     assert np.all(cycle.p == 0.0) and len(cycle.active) == 0
 
 
-def test_slip_while_settling_leaves_a_constant_force_and_the_state_stick():
-    """The first samples push the slider, the cycle then fits between its limits."""
+def test_slip_in_the_first_period_leaves_a_constant_force_and_the_state_stick():
+    """The first samples move the slider; the cycle then lies within its limits."""
     U = np.zeros((1, 3, 3))
     U[0, 0] = [0.6, 0.0, 0.5]  # k_t (mean +- amplitude) = 3.3, 0.3; mu N0 = 2
     cycle = one_pair(mu=1.0).cycle(U, 64)
     assert cycle.state[0] == STICK and cycle.active.tolist() == [0]
     assert np.allclose(cycle.p[0, 0], [-1.3, 0.0, 0.0], atol=1e-14)
-    assert np.allclose(cycle.P[0, 0, :3], [-3.0, 0.0, -3.0], atol=1e-13)  # the peak, sample 16, set the slider
+    assert np.allclose(cycle.P[0, 0, :3], [-3.0, 0.0, -3.0], atol=1e-13)  # the peak, sample 16, determines the slider
     assert abs(pair_energy(U, cycle.p)[0]) < 1e-14
 
 
 def test_settled_pairs_are_not_marked_as_slipping_by_roundoff():
-    """Each period touches the limit again where the first one left the slider, up to the last digit."""
+    """Each period touches the limit to the last digit where the first period left the slider."""
     phase = np.random.default_rng(5).uniform(0.1, 6.2, 300)
     U = np.zeros((300, 3, 3))
     U[:, 0, 0], U[:, 0, 1], U[:, 0, 2] = 0.6, 0.5 * np.cos(phase), 0.5 * np.sin(phase)
@@ -354,11 +354,11 @@ def test_settled_pairs_are_not_marked_as_slipping_by_roundoff():
         assert len(cycle.active) == 300 and np.all(cycle.state == STICK)
 
 
-# -- the cycle that repeats, and the path between samples -----------------------------------------------------------------
+# -- the steady cycle, and the path between samples -------------------------------------------------------------------------
 
 
-def many(n=300, seed=3, **changed):
-    """Pairs in slip, lift-off and drift, and their motion."""
+def many_pairs(n=300, seed=3, **changed):
+    """Return pairs in slip, lift-off and drift, and their motion."""
     rng = np.random.default_rng(seed)
     U = rng.standard_normal((n, 3, 7)) / [1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]
     mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
@@ -366,27 +366,27 @@ def many(n=300, seed=3, **changed):
 
 
 @pytest.mark.parametrize("sampled", [False, True])
-def test_it_is_the_cycle_that_repeats(sampled):
-    """From the sliders at its end the same cycle follows: where one slips, where it rests after drifting, after two periods or 50."""
-    U, law = many(sampled=sampled)
+def test_the_returned_cycle_repeats(sampled):
+    """The same cycle follows from the sliders at its end, for slip and for rest after a drift, after two periods or 50."""
+    U, law = many_pairs(sampled=sampled)
     cycle = law.cycle(U, 64)
     start = (
         cycle.p[:, :2].sum(axis=2) * 0.0
-    )  # p at the last sample is not known from its harmonics; the mean is where a pair rests
+    )  # p at the last sample does not follow from its harmonics; the mean is known where a pair is at rest
     rests = cycle.state == STICK
     start[rests] = -cycle.p[rests, :2, 0] / law.k_t[rests, None]
-    again = replace(law, w0=start).cycle(U, 64)
+    repeated = replace(law, w0=start).cycle(U, 64)
     shifted = cycle.p.copy()
     shifted[:, :2, 0] += law.k_t[:, None] * start
-    error = np.abs(again.p - shifted).max(axis=(1, 2))
+    error = np.abs(repeated.p - shifted).max(axis=(1, 2))
     assert not cycle.drifts.any() and rests.sum() > 5
-    assert np.all(error[rests] < 1e-10) and np.all(error[cycle.state != STICK] < 1e-9)  # slip forgets where it began
+    assert np.all(error[rests] < 1e-10) and np.all(error[cycle.state != STICK] < 1e-9)  # slip removes the initial state
 
 
 @pytest.mark.slow
 def test_a_slow_drift_is_not_taken_for_a_cycle():
-    """Pairs whose sliders still move by a hundredth of their way after ten periods: two periods are far from the steady state."""
-    U, law = many(2000, seed=5)
+    """Sliders that still move by a hundredth of their way after ten periods: two periods are far from the steady state."""
+    U, law = many_pairs(2000, seed=5)
     du = np.moveaxis(synthesise(U, 64), -1, 0)
     N = law.N0 - law.k_n * du[..., 2]
     T = law.k_t[:, None] * du[0, :, :2]
@@ -407,7 +407,7 @@ def test_a_slow_drift_is_not_taken_for_a_cycle():
 @pytest.mark.slow
 @pytest.mark.parametrize(("sampled", "order"), [(False, 2), (True, 1)])
 def test_order_of_the_samples_on_curved_paths(sampled, order):
-    U, law = many(400, sampled=sampled)
+    U, law = many_pairs(400, sampled=sampled)
     assert law.order == order
     reference = replace(law, sampled=False).cycle(U, 8192, tangents=False).p
     errors = np.array([np.sqrt(((law.cycle(U, N_t, tangents=False).p - reference) ** 2).mean()) for N_t in (64, 128, 256, 512)])
@@ -416,8 +416,8 @@ def test_order_of_the_samples_on_curved_paths(sampled, order):
 
 
 @pytest.mark.slow
-def test_64_samples_do_what_256_did():
-    U, law = many(400)
+def test_64_samples_of_the_path_are_as_accurate_as_256_of_the_return_map():
+    U, law = many_pairs(400)
     reference = law.cycle(U, 8192, tangents=False).p
     path_64 = np.sqrt(((law.cycle(U, 64, tangents=False).p - reference) ** 2).mean())
     map_256 = np.sqrt(((replace(law, sampled=True).cycle(U, 256, tangents=False).p - reference) ** 2).mean())
@@ -425,9 +425,9 @@ def test_64_samples_do_what_256_did():
 
 
 @pytest.mark.parametrize("sampled", [False, True])
-def test_a_pair_without_springs_has_all_of_its_force_in_p_and_none_where_it_stays_open(sampled):
-    """docs/theory.md, eq. (3.8): p is that of the stuck springs and their force, and the derivative with it."""
-    U, law = many(200, sampled=sampled)
+def test_p_of_a_pair_open_at_rest_is_its_whole_force(sampled):
+    """docs/theory.md, eq. (3.8): p includes the force of the stuck springs, and its derivative their stiffness."""
+    U, law = many_pairs(200, sampled=sampled)
     law = replace(law, N0=-np.abs(law.N0))
     gaps = replace(law, open_at_rest=np.arange(200) % 2 == 0)
     cycle, plain = gaps.cycle(U, 64), law.cycle(U, 64)
@@ -441,11 +441,11 @@ def test_a_pair_without_springs_has_all_of_its_force_in_p_and_none_where_it_stay
     assert 0 < stays.sum() < 100 and not cycle.p[stays].any()
     springs = np.where(gaps.open_at_rest[:, None], law.stiffness, 0.0)[cycle.active]
     for i, P in zip(cycle.active, cycle.P):
-        own = np.diag(np.repeat(springs[np.flatnonzero(cycle.active == i)[0]], n))
-        assert P == pytest.approx(plain.P[np.flatnonzero(plain.active == i)[0]] + own)
+        own_springs = np.diag(np.repeat(springs[np.flatnonzero(cycle.active == i)[0]], n))
+        assert P == pytest.approx(plain.P[np.flatnonzero(plain.active == i)[0]] + own_springs)
 
 
-def test_a_pair_apart_at_rest_stays_so_up_to_its_gap():
+def test_a_pair_open_at_rest_is_open_up_to_its_gap():
     law = replace(one_pair(N0=-2.0, k_n=4.0), open_at_rest=np.ones(1, dtype=bool))
     amplitudes = np.array([[0.1, 0.0, 0.25]])
     assert law.slip_safety(amplitudes) == pytest.approx([2.0]) and law.utilisation(amplitudes) == pytest.approx([0.5])
@@ -455,14 +455,14 @@ def test_a_pair_apart_at_rest_stays_so_up_to_its_gap():
 
 @pytest.mark.parametrize("n_samples", [64, 256])
 @pytest.mark.parametrize("excess", [1e-3, 1e-5, 2e-6, 1e-6])
-def test_a_slider_between_two_samples_drifts_to_the_line_through_them(excess, n_samples):
-    """The motion passes the two ends of a line a little farther apart than the limits; the slider ends on that line."""
-    one, U = np.ones(1), np.zeros((1, 3, 5))
-    law = ElasticCoulomb(mu=0.5 * one, N0=2.0 * one, k_t=one, k_n=one, separate=np.zeros(1, dtype=bool))
+def test_a_slider_pushed_by_two_opposite_samples_drifts_to_the_line_between_them(excess, n_samples):
+    """The motion passes the two ends of a line whose distance slightly exceeds the limits; the slider ends on that line."""
+    ones, U = np.ones(1), np.zeros((1, 3, 5))
+    law = ElasticCoulomb(mu=0.5 * ones, N0=2.0 * ones, k_t=ones, k_n=ones, separate=np.zeros(1, dtype=bool))
     U[0, 0, 1], U[0, 1, 3] = 1.0 + excess, 0.3  # x = (1 + excess) cos t, y = 0.3 cos 2 t, within 1 about y = 0.3 between the ends
     cycle = law.cycle(U, n_samples, tangents=False)
     assert not cycle.drifts[0] and cycle.state[0] == SLIP
-    assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)  # the path between the samples has ends of order excess
+    assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)  # the ends of the path differ by the order of excess
     nearby = law.cycle(U * (1.0 + 1e-12), n_samples, tangents=False)
     assert np.abs(nearby.p - cycle.p).max() < 1e-9
 
@@ -471,14 +471,14 @@ def test_a_slider_between_two_samples_drifts_to_the_line_through_them(excess, n_
     ("phase", "excess", "across"), [(0.05, 2e-4, 0.1), (0.08, 2e-4, 0.2), (0.11, 3e-4, 0.05), (0.14, 3e-4, 0.1)]
 )
 def test_a_slider_pushed_by_two_neighbouring_samples_reaches_its_cycle(phase, excess, across):
-    """As above with ends between two samples: both push, the slider drifts by 1e-4 of its distance a period."""
-    one, U, angle = np.ones(1), np.zeros((1, 3, 5)), phase * 2.0 * np.pi / 128
-    law = ElasticCoulomb(mu=0.5 * one, N0=2.0 * one, k_t=one, k_n=one, separate=np.zeros(1, dtype=bool))
+    """The ends of the line lie between two samples: both push, and the slider drifts by 1e-4 of its distance per period."""
+    ones, U, angle = np.ones(1), np.zeros((1, 3, 5)), phase * 2.0 * np.pi / 128
+    law = ElasticCoulomb(mu=0.5 * ones, N0=2.0 * ones, k_t=ones, k_n=ones, separate=np.zeros(1, dtype=bool))
     U[0, 0, 1:3] = (1.0 + excess) * np.array([np.cos(angle), np.sin(angle)])
     U[0, 1, 2:4] = across, 0.3
     cycle = law.cycle(U, 128)
     assert not cycle.drifts[0] and cycle.state[0] == SLIP
     assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)
-    h = 1e-9  # the cycle, not the path to it, has this derivative
+    h = 1e-9  # this is the derivative of the cycle, not of the path to it
     ends = [law.cycle(U + way * h * np.eye(15)[6].reshape(1, 3, 5), 128, tangents=False).p for way in (-1.0, 1.0)]
     assert (ends[1] - ends[0]).ravel() / (2.0 * h) == pytest.approx(cycle.P[0, :, 6], abs=1e-3)

@@ -1,4 +1,4 @@
-"""The law over a step: the contact law of oracles/law.py, and the exact derivative."""
+"""A step of the law: the contact law of oracles/law.py, and the exact derivative."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def example(seed=0):
     return of, rng.normal(size=(N, 3)), np.concatenate([rng.normal(size=(N, 2)), np.zeros((N, 1))], axis=1)
 
 
-def test_it_is_the_contact_law():
+def test_a_step_is_the_contact_law():
     of, du, before = example()
     p, _, state = of.step(du, before)
     normal = normal_force(du[:, 2], of.N0, of.k_n)
@@ -39,7 +39,7 @@ def test_it_is_the_contact_law():
     assert {STICK, SLIP, OPEN} == set(state.tolist())
 
 
-def test_a_pair_that_sticks_keeps_its_slider_to_the_bit():
+def test_the_slider_of_a_sticking_pair_does_not_change_by_a_bit():
     of, du, before = example(1)
     p, L, state = of.step(du, before)
     sticks = state == STICK
@@ -47,7 +47,7 @@ def test_a_pair_that_sticks_keeps_its_slider_to_the_bit():
     assert np.array_equal(p[sticks & (of.N0 >= 0.0), 2], np.zeros(np.count_nonzero(sticks & (of.N0 >= 0.0))))
 
 
-def test_the_derivative_is_exact_where_the_state_stays():
+def test_the_derivative_is_exact_where_the_state_does_not_change():
     of, du, before = example(2)
     _, L, _ = of.step(du, before)
     h = 1e-6
@@ -60,24 +60,28 @@ def test_the_derivative_is_exact_where_the_state_stays():
         assert L[same, :, j] == pytest.approx((above - below)[same] / (2.0 * h), abs=1e-8)
 
 
-def test_a_batch_is_its_parts():
+def test_a_batch_equals_its_parts():
     of, du, before = example(3)
     p, L, state = of.step(np.stack([du, 2.0 * du]), np.stack([before, before]))
     for b, factor in enumerate((1.0, 2.0)):
-        alone = of.step(factor * du, before)
-        assert all(np.array_equal(whole[b], part) for whole, part in zip((p, L, state), alone))
+        single = of.step(factor * du, before)
+        assert all(np.array_equal(whole[b], part) for whole, part in zip((p, L, state), single))
 
 
-def test_a_pair_that_is_apart_at_rest_bears_all_of_its_force():
+def test_p_of_a_pair_open_at_rest_is_its_whole_force_in_a_step():
     of, _, _ = example(6)
     gaps = of.N0 <= 0.0
-    bare, rng, springs = replace(of, w0=np.zeros((N, 2)), open_at_rest=gaps), np.random.default_rng(7), of.springs * gaps[:, None]
-    sprung = replace(bare, open_at_rest=np.zeros(N, dtype=bool))
-    p, after = np.zeros((N, 3)), np.zeros((N, 3 + bare.n_memory))
+    without_springs, rng, springs = (
+        replace(of, w0=np.zeros((N, 2)), open_at_rest=gaps),
+        np.random.default_rng(7),
+        of.springs * gaps[:, None],
+    )
+    with_springs = replace(without_springs, open_at_rest=np.zeros(N, dtype=bool))
+    p, after = np.zeros((N, 3)), np.zeros((N, 3 + without_springs.n_memory))
     touched = np.zeros(N, dtype=bool)
     for _ in range(20):
         du = rng.normal(size=(N, 3))
-        (p, L, state), (after, L_bare, state_bare) = sprung.step(du, p), bare.step(du, after)
+        (p, L, state), (after, L_bare, state_bare) = with_springs.step(du, p), without_springs.step(du, after)
         assert after[:, :3] == pytest.approx(p + springs * du, abs=1e-12) and np.array_equal(state, state_bare)
         assert L_bare == pytest.approx(L + springs[:, :, None] * np.eye(3), abs=1e-12)
         is_open = gaps & (state == OPEN)
@@ -88,19 +92,19 @@ def test_a_pair_that_is_apart_at_rest_bears_all_of_its_force():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gaps_have_springs", [True, False])
-def test_steps_until_they_repeat_are_the_cycle_of_the_return_map(gaps_have_springs):
+def test_steps_repeated_to_a_steady_state_are_the_cycle_of_the_return_map(gaps_have_springs):
     of, _, _ = example(4)
     of = replace(of, sampled=True)
     if not gaps_have_springs:
         of = replace(of, open_at_rest=of.N0 <= 0.0, w0=np.where(of.N0[:, None] <= 0.0, 0.0, of.w0))
     U, N_t = np.random.default_rng(5).normal(size=(N, 3, 7)), 40
-    du, p, kept = np.moveaxis(synthesise(U, N_t), -1, 0), np.zeros((N, 3 + of.n_memory)), []
+    du, p, history = np.moveaxis(synthesise(U, N_t), -1, 0), np.zeros((N, 3 + of.n_memory)), []
     for sample in range(1, 60 * N_t):
         p, _, state = of.step(du[sample % N_t], p)
-        kept.append((p[:, :3], state))
-    forces, states = zip(*kept[-N_t:])
+        history.append((p[:, :3], state))
+    forces, states = zip(*history[-N_t:])
     cycle = of.cycle(U, N_t)
-    repeats = np.abs(kept[-1][0] - kept[-1 - N_t][0]).max(axis=1) < 1e-14
+    repeats = np.abs(history[-1][0] - history[-1 - N_t][0]).max(axis=1) < 1e-14
     expected = analyse(np.stack(forces, axis=-1), Harmonics.up_to(3))
     assert repeats.mean() > 0.97 and cycle.p[repeats] == pytest.approx(expected[repeats], abs=1e-11)
     assert np.array_equal(cycle.state[repeats], np.max(states, axis=0)[repeats]) and {STICK, SLIP, OPEN} == set(
