@@ -182,7 +182,7 @@ class Row:
         return self.error, self.bar, self.left, self.rest
 
 
-def curves(seed: int, number: int, H: int, lift_off: bool) -> tuple[random_systems.Found, list[tuple[complex, float]], float]:
+def curves(seed: int, number: int, H: int, lift_off: bool) -> tuple[random_systems.Computed, list[tuple[complex, float]], float]:
     """Return points of a system, their corrected amplitudes and bars, and the processor's time [s]."""
     corrected: list[tuple[complex, float]] = []
     keep, began = random_systems.keep, time.process_time()

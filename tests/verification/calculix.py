@@ -1,4 +1,4 @@
-"""Compare every element kind with CalculiX, live, on a curved, twisted and tapered bar.
+"""Compare every element kind with CalculiX on a curved, twisted and tapered bar.
 
     PYTHONPATH=solver:tests python tests/verification/calculix.py [path of ccx]
 
@@ -67,7 +67,7 @@ def deck(name, static, made=None):
     """Return the CalculiX input of one element type; ``made`` are points, elements and loaded node of another mesh."""
     kind = TYPES[name][0]
     points, nodes, tip = made or bar(kind, straight=static)
-    # CalculiX reads at most 20 characters a number.
+    # CalculiX reads at most 20 characters per number.
     rows = [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(points, 1)]
     elements = []
     for i, element in enumerate(nodes + 1, 1):
@@ -111,7 +111,7 @@ def deck(name, static, made=None):
 
 
 def calculix(ccx, name, static=False, made=None):
-    """Return what CalculiX prints: six frequencies [Hz], or the tip displacement [m]."""
+    """Return the results printed by CalculiX: six frequencies [Hz], or the tip displacement [m]."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "bar.inp").write_text(deck(name, static, made))
         subprocess.run([ccx, "bar"], cwd=folder, check=True, stdout=subprocess.DEVNULL)

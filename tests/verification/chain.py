@@ -1,4 +1,4 @@
-"""The whole chain in memory: from a scene file to its branches, without result files.  For the studies of this folder."""
+"""All stages in memory: from a scene file to its branches, without result files.  For the studies of this folder."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from microslip.parallel.petsc import initialise
 
-initialise()  # before anything imports PETSc; does nothing where it has been done
+initialise()  # before anything imports PETSc; without effect if already done
 
 from microslip.library.build import Structure, build
 from microslip.library.follow_response import follow
@@ -21,7 +21,7 @@ from microslip.scene.read import read_scene
 
 @dataclass(frozen=True)
 class Chain:
-    """What a scene has become; its matrices are freed."""
+    """The results of a scene; its matrices are freed."""
 
     structure: Structure
     model: ReducedModel
@@ -43,7 +43,7 @@ def solve(path: Path, comm) -> Chain:
 
 
 def solve_scene(scene, comm) -> Chain:
-    """Return the same of a scene.  Collective on ``comm``."""
+    """Return the branches of every level of a scene.  Collective on ``comm``."""
     structure = build(scene, comm)
     prepared = prepare(structure, has_bars=False)
     branches = follow(prepared.response)

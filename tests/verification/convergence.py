@@ -3,7 +3,7 @@
     PYTHONPATH=solver:tests python tests/verification/convergence.py
 
 prints three Markdown tables, and one of the rates (about a minute). With elements of degree p a natural frequency of a smooth mode converges
-as h^(2 p): rates 2 and 4. The references are theories of their own:
+as h^(2 p): rates 2 and 4. The references are independent theories:
 
 - *box on rollers*: an isochoric standing wave, omega = c_s |k|, exact in three-dimensional elasticity; curved elements;
 - *free plate*: 1 x 1 x 0.2 m, three-dimensional elasticity by the Ritz method with Legendre polynomials (Visscher and
@@ -148,7 +148,7 @@ def timoshenko_frequency():
 
 
 def cantilever(series, n):
-    """Return the lowest frequency [Hz] of the clamped bar, 10 n x n x n cells.  (Twice, but for skew meshes.)"""
+    """Return the lowest frequency [Hz] of the clamped bar, 10 n x n x n cells.  (A double frequency, except with skew meshes.)"""
     points, nodes = box(SERIES[series][0], (10 * n, n, n), (LENGTH, SIDE, SIDE))
     return frequency(series, points, nodes, dofs(points[:, 0] == 0.0), poisson=0.0)
 

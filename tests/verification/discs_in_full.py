@@ -1,8 +1,8 @@
-"""Discs computed from one sector, judged by the equations of the ring built in full: every sector, every joint.
+"""Discs computed from one sector, checked by the equations of the full ring: every sector, every joint.
 
     PYTHONPATH=solver:tests:meshes python tests/verification/discs_in_full.py [--docs DIR] [--name TEXT]
 
-Each point of a disc is expanded to all sectors by its wave and put into the ring's equations: sparse matrices of the whole ring, a
+Each point of a disc is expanded to all sectors by its wave and tested in the ring's equations: sparse matrices of the whole ring, a
 direct solve at every harmonic, and the contact law of tests/oracles/path.py.  Writes the tables of discs_in_full.md into DIR.  The
 exit status is 1 if a point is wrong.
 """
@@ -53,7 +53,7 @@ RAYLEIGH = 150.0  # 1/s, of C = alpha M: a ratio of 0.8 % at 1400 Hz
 
 @dataclass(frozen=True)
 class Case:
-    """A disc under one level of a wave, and which states of pairs it must show: 0 stuck, 1 slip, 2 open."""
+    """A disc under one level of a wave, and the states of pairs that must occur: 0 stuck, 1 slip, 2 open."""
 
     name: str
     N: int
@@ -91,7 +91,7 @@ def comparison(N: int = 12) -> list[Case]:
 
 
 def extremes() -> list[Case]:
-    """Return discs at the ends of what [cyclic] takes."""
+    """Return discs at the limits of the values that [cyclic] accepts."""
     slides = {"friction": 0.05}
     return [
         Case("two sectors, order 1 = N/2", 2, 1, 20.0, (1300.0, 1500.0), {SLIP}, body=FINE, modes=126),
@@ -122,14 +122,14 @@ class Judged:
 
     @property
     def faults(self) -> list[str]:
-        """What is wrong; nothing where all is right."""
+        """Return the faults, an empty list if there are none."""
         computed = [self.failure] if self.failure else []
         computed += [f"{name} {self.errors[name]:.1e}" for name, bound in BOUNDS.items() if not self.errors[name] <= bound]
         return computed + ([] if self.case.states <= self.states else [f"no pair is in one of the states {self.case.states}"])
 
 
 class Ring:
-    """The ring of a sector, built in full: its matrices, and the motion of all sectors under given forces."""
+    """The full ring of a sector: its matrices, and the motion of all sectors under given forces."""
 
     def __init__(self, path: Path, sector_pairs, case: Case):
         scene = read_scene(path)
@@ -157,10 +157,10 @@ class Ring:
         return u
 
     def errors(self, point, march, level: float) -> dict[str, float]:
-        """Return the errors of a point of the disc, each relative: its wave in the ring's equations."""
+        """Return the relative errors of a point of the disc whose wave is substituted in the ring's equations."""
         N_H, N = point.U.shape[-1], self.case.N
         is_solved = np.isin((np.arange(N_H) + 1) // 2, np.atleast_1d(self.case.harmonics)) | isinstance(self.case.harmonics, int)
-        if any(HELD in note for note in point.notes):  # the mean of p_t is not the law's: docs/theory.md, eq. (5.6)
+        if any(HELD in note for note in point.notes):  # the mean of p_t is not that of the law: docs/theory.md, eq. (5.6)
             march.p[:, :2, 0] = point.p[:, :2, 0]
         law = march.p * is_solved
         U, p, by_law = (self.expanded(x) for x in (point.U, point.p, law))
@@ -174,14 +174,14 @@ class Ring:
         n = (np.arange(N_H) + 1) // 2
         loss = np.pi * point.omega * RAYLEIGH * float(np.sum(n**2 * np.einsum("ih,ih->h", u, self.M @ u)))
         energies = np.array([work(f, u).sum(), loss, work(by_law, U).sum()])
-        said = N * np.array([point.input, point.damping, point.friction])
+        stated = N * np.array([point.input, point.damping, point.friction])
         response = self.O @ u
         return {
             "motion": relative(du - U, U),
             "response": relative(np.asarray(point.response)[:1] - response, response),
             "force": float(np.linalg.norm(unbalanced) / size),
             "law": float((np.abs(point.p - law).max(axis=(1, 2)) / march.size).max()),
-            "energy": float(np.abs(energies - said).max() / np.abs(energies).max()),
+            "energy": float(np.abs(energies - stated).max() / np.abs(energies).max()),
         }
 
 
@@ -197,7 +197,7 @@ def end(case: Case) -> str:
 
 
 def judged(case: Case, folder: Path, h_of_ring: int | None = None) -> Judged:
-    """Return the errors of a case.  Local.  ``h_of_ring`` excites the ring by another wave, for a test of the judge."""
+    """Return the errors of a case.  Local.  ``h_of_ring`` excites the ring by another wave, to test the check."""
     sector = build(read_scene(write_sector(folder, case.N, end(case), wave={"engine_order": case.h}, **case.body)), HERE)
     ring = Ring(
         write_ring(folder, case.N, end(case), h=case.h if h_of_ring is None else h_of_ring, **case.body), sector.pairs, case
@@ -245,9 +245,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", help="folder of the page")
     parser.add_argument("--name", default="", help="only cases whose name holds this text")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     values = []
-    for case in [case for case in comparison() + extremes() if asked.name in case.name]:
+    for case in [case for case in comparison() + extremes() if options.name in case.name]:
         with tempfile.TemporaryDirectory() as folder:
             values.append(judged(case, Path(folder)))
         errors = "  ".join(f"{name} {error:.0e}" for name, error in values[-1].errors.items())
@@ -255,8 +255,8 @@ def main() -> None:
             f"{case.name:45s} {values[-1].n_points:3d} points  {sorted(values[-1].states)}  {errors}  {values[-1].faults}",
             flush=True,
         )
-    if asked.docs:
-        write_page(Path(asked.docs), values)
+    if options.docs:
+        write_page(Path(options.docs), values)
     sys.exit(any(each.faults for each in values))
 
 

@@ -1,4 +1,4 @@
-"""The cases of the battery of extremes (extremes.py), by family; each states what it expects.
+"""The cases of the battery of extremes (extremes.py), by family; each states its expected result.
 
 Levels are multiples of the onset of slip, the least level at which some pair reaches its friction limit or opens at the
 resonance of the stuck structure.  Frequencies are multiples of its first natural frequency.
@@ -15,34 +15,34 @@ import numpy as np
 from oracles import point_check, scenes
 from verification import extreme_structures as structures
 
-SHARES = (1e-6, 1e-3, 1.0, 1e3, 1e6)  # of the structure's own stiffness
+SHARES = (1e-6, 1e-3, 1.0, 1e3, 1e6)  # of the structure's stiffness
 SMALL = {"oscillator": structures.oscillator, "3-D pair": structures.spatial, "chain": structures.chain}
-DELICATE = ("two masses, none", "frame, none", "frame, ratio 1e-6", "chain, mu = 0, huge preload")  # unbounded, or by few digits
-LONG = ("5,000", "frame, k_t = 1, k_n = 1e+06", "random 12", "chain, stiffness x 1e-09")  # a tenth of all their time
+DELICATE = ("two masses, none", "frame, none", "frame, ratio 1e-6", "chain, mu = 0, huge preload")  # unbounded or ill-conditioned
+LONG = ("5,000", "frame, k_t = 1, k_n = 1e+06", "random 12", "chain, stiffness x 1e-09")  # a tenth of the time of all cases
 HELD = {**SMALL, "two masses": structures.two_masses, "frame": structures.frame}
 ALL = {**HELD, "free body": structures.free_body}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene and what it expects.
+    """A scene and its expected result.
 
-    ``expect`` is "point check" alone, or besides it
+    ``expect`` is "point check", the check of each point, or in addition to it
     "stuck", "frictionless", "open" : the linear solution with all springs, without tangential ones, without any;
     "jenkins" : the exact harmonics of a mass on a Jenkins element, within ``tolerance``;
-    "twin" : the same numbers, scaled, as the structure in the first units, to 1e-9 (``twin`` holds length, mass and time);
-    "refused" : an error before any point whose text holds ``reason``; ``has_answer`` tells whether a rule alone stands against it.
+    "twin" : the same results, scaled, as the structure in the original units, to 1e-9 (``twin`` has length, mass and time);
+    "refused" : an error before any point whose text has ``reason``; ``has_answer`` is true if only a rule prevents a result.
     """
 
     name: str
     family: str
     build: Callable[[], dict]
     levels: tuple[float, ...] = (0.3, 3.0, 30.0)  # of the onset
-    band: tuple[float, float] = (0.8, 1.2)  # of the first stuck mode
-    at: tuple[float, ...] = ()  # the same
+    band: tuple[float, float] = (0.8, 1.2)  # relative to the first stuck mode
+    at: tuple[float, ...] = ()  # relative to the first stuck mode
     expect: str = "point check"
     reason: str = ""
-    has_answer: bool = True  # False: what is asked for has none, or any number of them
+    has_answer: bool = True  # False: the request has no solution, or infinitely many
     newtons: bool = False  # levels are newtons
     hertz: bool = False  # band and at are Hz
     wide: bool = False  # band from below the first mode without the joint to three times it
@@ -62,7 +62,7 @@ def all_cases() -> list[Case]:
 
 
 def quick_cases(of_family: slice = slice(None)) -> list[Case]:
-    """Return a few cases of every family, small and quick ones, with few points, and those that a small change is felt by.
+    """Return a few small and quick cases of every family, with few points, and those that are sensitive to small changes.
 
     ``of_family`` selects some of the four small ones of each family.
     """
@@ -221,7 +221,7 @@ def damping():
             partial(make, **kind),
             (0.3, 1.2) if kind.get("zeta", 1.0) < 1e-3 else (0.3, 3.0, 30.0),
             wide=True,
-            # at a resonance without damping energies are off by a thousand times what the motion is
+            # at a resonance without damping, energies have a thousand times the error of the motion
             solver={"tolerance": 1e-10} if kind.get("zeta") == 0.0 else {},
         )
     for n, make, c in (
@@ -395,8 +395,8 @@ def joints():
         ("stiffness that releases energy", _unstable, "positive definite"),
         ("negative mass", _negative_mass, "mass"),
     ):
-        asked = dict(newtons=True, expect="refused", reason=reason, has_answer=False, hertz=True, band=(0.1, 0.2))
-        yield Case(words, "joints and modes", build, (1.0,), **asked)
+        refused = dict(newtons=True, expect="refused", reason=reason, has_answer=False, hertz=True, band=(0.1, 0.2))
+        yield Case(words, "joints and modes", build, (1.0,), **refused)
     yield Case("DOFs without mass", "joints and modes", _massless, (0.3, 3.0, 30.0))
     for n_pairs in (2, 8, 20):
         yield Case(
@@ -579,9 +579,9 @@ def _random_case(seed: int) -> Case:
 
 
 def onset(system: dict, omega: float) -> float:
-    """Return the least level at which a pair, stuck, reaches its friction limit or opens at ``omega``; 1 where there is none.
+    """Return the least level at which a stuck pair reaches its friction limit or opens at ``omega``; 1 if there is none.
 
-    Preloads below 0 count as open already; without friction or preload the level 1 stands.
+    Preloads below 0 count as open; without friction or preload the level is 1.
     """
     H = max(load["harmonic"] for load in system["loads"])
     K_L = scenes.stuck_stiffness(system)

@@ -1,4 +1,4 @@
-"""The tables of docs/extremes.md and its pictures, from the outcomes of the battery."""
+"""The tables of docs/extremes.md and its pictures, from the results of the battery."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def write_page(docs: str, outcomes: list, seconds: float, processes: int) -> Non
 
 
 def load(outcomes: list, seconds: float, processes: int) -> dict[str, str]:
-    """Return how busy the machine was, so that a time means something."""
+    """Return the load of the machine during the battery, which affects the times."""
     return {
         "time": f"{seconds:.0f} s of wall clock for {sum(outcome.cpu for outcome in outcomes):.0f} s of processor on {processes} processes "
         f"(load average of the last quarter of an hour {os.getloadavg()[2]:.1f})"
@@ -51,17 +51,17 @@ def load(outcomes: list, seconds: float, processes: int) -> dict[str, str]:
 
 
 def summary(outcomes: list) -> list[str]:
-    """Return what became of the cases and of the points."""
+    """Return the numbers of cases and points by outcome."""
     counts = Counter(outcome.status for outcome in outcomes)
     answered = sum(outcome.has_answer for outcome in outcomes)
     by_rule = sum(outcome.expected and outcome.has_answer for outcome in outcomes)
     expected = sum(outcome.expected for outcome in outcomes)
-    asked = answered - by_rule
+    requested = answered - by_rule
     rows = [
         ("cases", "", len(outcomes)),
         ("without an answer", "", len(outcomes) - answered),
         ("refused by a rule on what may be requested", "", by_rule),
-        ("solved of the others", asked, f"{counts[SOLVED]}, {100 * counts[SOLVED] / asked:.1f} %"),
+        ("solved of the others", requested, f"{counts[SOLVED]}, {100 * counts[SOLVED] / requested:.1f} %"),
         ("refused, of these as expected", expected, f"{counts[REFUSED]}, {expected}"),
         ("failed with a reason", 0, counts[FAILED]),
         ("wrong without a word", 0, counts[WRONG]),
@@ -74,24 +74,25 @@ def summary(outcomes: list) -> list[str]:
 
 
 def families(outcomes: list) -> list[str]:
-    """Return the families, a row each."""
+    """Return the families, one per row."""
     rows = []
     for family in dict.fromkeys(outcome.family for outcome in outcomes):
-        mine = [outcome for outcome in outcomes if outcome.family == family]
-        counts = Counter(outcome.status for outcome in mine)
+        of_family = [outcome for outcome in outcomes if outcome.family == family]
+        counts = Counter(outcome.status for outcome in of_family)
         worst = [
-            max((outcome.errors.get(name, 0.0) for outcome in mine), default=0.0) for name in ("motion", "force", "law", "energy")
+            max((outcome.errors.get(name, 0.0) for outcome in of_family), default=0.0)
+            for name in ("motion", "force", "law", "energy")
         ]
-        numbers = [len(mine), counts[SOLVED], counts[REFUSED], counts[FAILED], counts[WRONG] + counts[DEFECT]]
-        numbers.append(sum(outcome.n_points for outcome in mine))
-        seconds = sum(outcome.cpu for outcome in mine)
+        numbers = [len(of_family), counts[SOLVED], counts[REFUSED], counts[FAILED], counts[WRONG] + counts[DEFECT]]
+        numbers.append(sum(outcome.n_points for outcome in of_family))
+        seconds = sum(outcome.cpu for outcome in of_family)
         rows.append([family, *map(str, numbers), *(f"{error:.0e}" for error in worst), f"{seconds:.0f}"])
     counted = ("family", "cases", "solved", "refused", "failed", "wrong", "points")
     return table((*counted, "largest motion", "force", "law", "energy", "processor s"), rows)
 
 
 def not_solved(outcomes: list) -> list[str]:
-    """Return every case that was not solved, with the program's own words."""
+    """Return every case that was not solved, with the message of the program."""
     rows = []
     for outcome in outcomes:
         if outcome.status != SOLVED:
@@ -102,7 +103,7 @@ def not_solved(outcomes: list) -> list[str]:
 
 
 def draw(outcomes: list, path: Path) -> None:
-    """Draw the largest force residual of every case, a row a family, coloured by what became of it."""
+    """Draw the largest force residual of every case, one family per row, coloured by its outcome."""
     families = list(dict.fromkeys(outcome.family for outcome in outcomes))[::-1]
     figure, axis = plt.subplots(figsize=(9.0, 4.6), constrained_layout=True)
     rng = np.random.default_rng(0)

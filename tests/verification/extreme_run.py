@@ -1,4 +1,4 @@
-"""Run one case of the battery of extremes and judge what came: every point by itself, and what the case expects."""
+"""Run one case of the battery of extremes and check the result: every point separately, and the expectation of the case."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ SOLVED, REFUSED, FAILED, WRONG, DEFECT = "solved", "refused", "failed", "wrong",
 
 @dataclass
 class Outcome:
-    """What became of a case."""
+    """The outcome of a case."""
 
     name: str
     family: str
     status: str = SOLVED
-    words: str = ""  # the program's own, of a refusal or a failure; else what is wrong
-    expected: bool = False  # a refusal that the case expects
-    has_answer: bool = True  # as the case says
+    words: str = ""  # message of the program for a refusal or a failure; otherwise the fault
+    expected: bool = False  # True for a refusal that the case expects
+    has_answer: bool = True  # of the case
     n_points: int = 0
-    states: tuple[int, ...] = ()  # seen at any point
+    states: tuple[int, ...] = ()  # states of pairs at any point
     errors: dict[str, float] = field(default_factory=dict)  # the largest of each kind over the points
-    expectation: float = 0.0  # error against what the case expects
+    expectation: float = 0.0  # error relative to the expectation of the case
     held: int = 0  # points with the mean slip held
     in_segments: bool = False  # a level was completed from the other end of its range
     seconds: float = 0.0
@@ -56,7 +56,7 @@ class Outcome:
 
 
 def run_case(case: Case) -> Outcome:
-    """Return the outcome of a case; nothing is raised.  Local: the program runs on this process alone."""
+    """Return the outcome of a case; nothing is raised.  Local: the program runs in this process."""
     outcome, start, cpu = Outcome(case.name, case.family, has_answer=case.has_answer), time.perf_counter(), time.process_time()
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -65,7 +65,7 @@ def run_case(case: Case) -> Outcome:
         outcome.words = re.sub(r"\S*/(?=\w+\.mtx)", "", str(refusal))  # without the temporary folder
         outcome.expected = case.expect == "refused" and case.reason in outcome.words
         outcome.status = REFUSED if outcome.words else DEFECT
-    except Exception as defect:  # a traceback of the program: what the battery is there to find
+    except Exception as defect:  # a traceback of the program, which the battery searches for
         outcome.status, outcome.words = DEFECT, f"{type(defect).__name__}: {defect}"
     outcome.seconds, outcome.cpu = time.perf_counter() - start, time.process_time() - cpu
     return outcome
@@ -76,7 +76,7 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
     H, samples = case.solver.get("harmonics", 3), case.solver.get("samples", 128)
     if H == 0:
         H, samples = 1, 3  # statics are recorded with a harmonic 1, which is zero
-    levels, band, at = asked(case, system)
+    levels, band, at = requested_of(case, system)
     branches = solved(folder, system, levels, band, at, case)
     outputs = _outputs(system)
     if case.expect == "refused":
@@ -104,11 +104,11 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
         outcome.status, outcome.words = WRONG, f"{len(faults)} faults; {faults[0]}"
 
 
-def asked(case: Case, system: dict) -> tuple[list[float], tuple[float, float], list[float]]:
+def requested_of(case: Case, system: dict) -> tuple[list[float], tuple[float, float], list[float]]:
     """Return levels [N], band and further frequencies [rad/s] of a case."""
     unit = 2.0 * np.pi if case.hertz else stuck_frequencies(system)[0]
     low, high = case.band[0] * unit, case.band[1] * unit
-    if case.wide:  # from below the resonance of the open structure, whatever the joint shifts it by
+    if case.wide:  # from below the resonance of the open structure, for any shift by the joint
         open_ = np.sqrt(max(scipy.linalg.eigh(system["K"], system["M"], eigvals_only=True)[0], 0.0))
         low = min(low, case.band[0] * open_) if open_ > 1e-3 * unit else low
         high = min(high, max(3.0 * open_, 1.5 * low))
@@ -118,7 +118,7 @@ def asked(case: Case, system: dict) -> tuple[list[float], tuple[float, float], l
 
 
 def stuck_frequencies(system: dict) -> np.ndarray:
-    """Return the natural frequencies of the stuck structure [rad/s], rising; motions without mass have none."""
+    """Return the natural frequencies of the stuck structure [rad/s], ascending, without motions without mass."""
     theta = scipy.linalg.eigh(system["M"], scenes.stuck_stiffness(system), eigvals_only=True)[::-1]
     return 1.0 / np.sqrt(theta[theta > 1e-15 * theta[0]])
 
@@ -133,7 +133,7 @@ def solved(folder: Path, system: dict, levels, band, at, case: Case) -> list:
     scene = read_scene(path)
     with build(scene, HERE) as structure:
         response = prepare(structure, has_bars=False).response
-        solved_for = replace(response.curve, sticks_up_to=np.zeros(len(response.curve.omega)))  # linear levels as well
+        solved_for = replace(response.curve, sticks_up_to=np.zeros(len(response.curve.omega)))  # linear levels are solved as well
         return follow(replace(response, curve=solved_for))
 
 
@@ -150,11 +150,11 @@ def _count(outcome: Outcome, point, verdict) -> None:
         outcome.errors[name] = float(np.fmax(outcome.errors.get(name, 0.0), getattr(verdict, name)))
 
 
-# -- what a case expects -------------------------------------------------------------------------------------------
+# -- the expectation of a case -------------------------------------------------------------------------------------
 
 
 def _against_expectation(case: Case, system: dict, branches, H: int, outcome: Outcome, what, folder: Path) -> list[str]:
-    """Return what differs from the exact, limiting or scaled solution; notes the largest error."""
+    """Return the differences from the exact, limiting or scaled solution; stores the largest error."""
     if case.expect in ("stuck", "frictionless", "open"):
         worst = max(
             (_linear_error(case.expect, system, point, branch.level, H) for branch in branches for point in branch.points),
@@ -172,7 +172,7 @@ def _against_expectation(case: Case, system: dict, branches, H: int, outcome: Ou
 
 
 def _linear_error(expect: str, system: dict, point, level: float, H: int) -> float:
-    """Return the relative error of the response against a linear structure, and infinity where a pair is in another state."""
+    """Return the relative error of the response compared with a linear structure; infinity where a pair is in another state."""
     wanted = {
         "stuck": lambda: system,
         "frictionless": lambda: {**system, "k_t": 0.0 * system["k_t"]},
@@ -199,7 +199,7 @@ def _oscillator() -> dict:
 
 
 def _twin_error(case: Case, system: dict, branches, what, folder: Path) -> float:
-    """Return the largest relative difference of the asked points from those of the same structure in other units."""
+    """Return the largest relative difference of the requested points from those of the same structure in other units."""
     levels, band, at = what
     unit = {"length": 1.0, "mass": 1.0, "time": 1.0, **case.twin}
     length, time_ = unit["length"], unit["time"]

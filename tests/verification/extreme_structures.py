@@ -1,6 +1,6 @@
-"""Structures of the battery of extremes (extremes.py): small, with every dimension open, and one with thousands of pairs.
+"""Structures of the battery of extremes (extremes.py): small, with all parameters free, and one with thousands of pairs.
 
-Without further words stiffness, mass and preload are 1, so that stiffness ratios are the numbers themselves.
+The default stiffness, mass and preload are 1, so that stiffness ratios are the parameters themselves.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from oracles import scenes
 
 
 def oscillator(*, k_t=1.0, k_n=1.0, mu=0.5, N0=2.0, harmonic=1, **damping):
-    """One mass on a Jenkins element: the pair slides along x only, its normal force is the preload."""
+    """Return one mass on a Jenkins element: the pair slides along x, its normal force is the preload."""
     return _system(
         "oscillator",
         [[1.0]],
@@ -29,7 +29,7 @@ def oscillator(*, k_t=1.0, k_n=1.0, mu=0.5, N0=2.0, harmonic=1, **damping):
 
 
 def two_masses(*, k_t=1.0, k_n=1.0, mu=0.5, N0=2.0, harmonic=1, **damping):
-    """Two masses, each on its own spring, that rub on each other."""
+    """Return two masses, each on a spring, with friction between them."""
     return _system(
         "two masses",
         np.diag([1.0, 0.7]),
@@ -46,7 +46,7 @@ def two_masses(*, k_t=1.0, k_n=1.0, mu=0.5, N0=2.0, harmonic=1, **damping):
 
 
 def spatial(*, k_t=1.0, k_n=1.0, mu=0.5, N0=1.0, harmonic=1, separate=False, **damping):
-    """One mass with three coupled DOFs on one 3-D pair: ellipses, varying normal force, lift-off."""
+    """Return one mass with three coupled DOFs on one 3-D pair: ellipses, varying normal force, lift-off."""
     K = [[1.0, 0.15, 0.10], [0.15, 1.3, -0.12], [0.10, -0.12, 1.5]]
     return _system(
         "3-D pair",
@@ -65,7 +65,7 @@ def spatial(*, k_t=1.0, k_n=1.0, mu=0.5, N0=1.0, harmonic=1, separate=False, **d
 
 
 def chain(*, k_t=1.0, k_n=1.0, mu=0.3, N0=1.0, harmonic=1, separate=False, **damping):
-    """Three masses of three DOFs; pair 1 between the first two, pair 2 between the last and the ground."""
+    """Return three masses of three DOFs; pair 1 between the first two, pair 2 between the last and the ground."""
     stiff, soft = np.diag([1.0, 0.75, 1.5]), np.diag([0.25, 0.4, 0.5])
     link, zero = stiff + 0.1 * (np.ones((3, 3)) - np.eye(3)), np.zeros((3, 3))
     K = np.block([[soft + link, -link, zero], [-link, 2.0 * link, -link], [zero, -link, link + soft]])
@@ -86,7 +86,7 @@ def chain(*, k_t=1.0, k_n=1.0, mu=0.3, N0=1.0, harmonic=1, separate=False, **dam
 
 
 def frame(*, k_t=1.0, k_n=1.0, mu=0.3, N0=1.0, harmonic=1, n_elements=6, overlap=4, **damping):
-    """Two cantilever beams that overlap: a lap joint of ``overlap`` pairs, axial slip and transverse lift-off.
+    """Return two overlapping cantilever beams: a lap joint of ``overlap`` pairs, axial slip and transverse lift-off.
 
     Euler-Bernoulli beams with three DOFs a node; the tip of one beam has the bending stiffness 3 EI / L^3 = 1.
     """
@@ -108,7 +108,7 @@ def frame(*, k_t=1.0, k_n=1.0, mu=0.3, N0=1.0, harmonic=1, n_elements=6, overlap
 
 
 def free_body(*, k_t=1.0, k_n=1.0, mu=0.5, N0=1.0, harmonic=1, n_pairs=2, separate=False, **damping):
-    """A body of two masses that nothing but the joint holds, on one that is held."""
+    """Return a body of two masses supported only by its joint with another, supported body."""
     held = np.array([[2.0, 0.2, 0.1], [0.2, 1.5, 0.0], [0.1, 0.0, 1.8]])
     link = np.diag([1.0, 1.2, 0.9])
     K = scipy.linalg.block_diag(held, np.block([[link, -link], [-link, link]]))
@@ -130,13 +130,13 @@ def free_body(*, k_t=1.0, k_n=1.0, mu=0.5, N0=1.0, harmonic=1, n_pairs=2, separa
 
 
 def identical_pairs(n_pairs, *, k_t=1.0, k_n=1.0, mu=0.5, N0=1.0, harmonic=1, **damping):
-    """The 3-D pair many times on the same DOFs, each with its share of stiffness and preload."""
-    one = spatial(k_t=k_t / n_pairs, k_n=k_n / n_pairs, mu=mu, N0=N0 / n_pairs, harmonic=harmonic, **damping)
+    """Return the 3-D pair many times on the same DOFs, each with its share of stiffness and preload."""
+    single = spatial(k_t=k_t / n_pairs, k_n=k_n / n_pairs, mu=mu, N0=N0 / n_pairs, harmonic=harmonic, **damping)
     return _system(
         "identical pairs",
-        one["M"],
-        one["K"],
-        np.tile(one["pair_dofs"], (n_pairs, 1)),
+        single["M"],
+        single["K"],
+        np.tile(single["pair_dofs"], (n_pairs, 1)),
         [1.0, 0.5, 0.3],
         k_t=k_t / n_pairs,
         k_n=k_n / n_pairs,
@@ -148,7 +148,7 @@ def identical_pairs(n_pairs, *, k_t=1.0, k_n=1.0, mu=0.5, N0=1.0, harmonic=1, **
 
 
 def coincident(n_copies=3, **numbers):
-    """Copies of one oscillator, not coupled: every frequency comes several times."""
+    """Return uncoupled copies of one oscillator: every frequency is multiple."""
     pairs = [[i, -1, -1, -1, -1, -1] for i in range(n_copies)]
     parameters = {"k_t": 1.0, "k_n": 1.0, "mu": 0.5, "N0": 2.0, **numbers}
     damping = {key: parameters.pop(key) for key in ("zeta", "C", "rayleigh") if key in parameters}
@@ -165,9 +165,9 @@ def coincident(n_copies=3, **numbers):
 
 
 def patch(n_x=100, n_y=50, *, slipping=0.02, seed=4):
-    """A lattice of n_x n_y nodes that lies on the ground by a pair a node; every tenth node in a row of ten has mass.
+    """Return a lattice of n_x n_y nodes on the ground, one pair per node; every tenth node in a row of ten has mass.
 
-    All modes there are can be kept, and are: the other DOFs have no mass.  ``slipping`` is the share of pairs with a low
+    All modes are computed, because the other DOFs have no mass.  ``slipping`` is the share of pairs with a low
     friction limit, spread evenly.
     """
     n = n_x * n_y
@@ -213,7 +213,7 @@ def patch(n_x=100, n_y=50, *, slipping=0.02, seed=4):
 
 
 def with_loads(system, *loads):
-    """Return the system under other loads: (vector, harmonic, phase) each."""
+    """Return the system under other loads: vector, harmonic and phase of each."""
     return {
         **system,
         "loads": [{"vector": np.asarray(vector, dtype=float), "harmonic": n, "phase": phase} for vector, n, phase in loads],
@@ -221,7 +221,7 @@ def with_loads(system, *loads):
 
 
 def scaled(system, *, length=1.0, mass=1.0, time=1.0):
-    """Return the same structure in other units, or of another stiffness and density: numbers are multiplied by the units' factors."""
+    """Return the same structure in other units, or with scaled stiffness and density: values are multiplied by the factors."""
     force, stiffness = mass * length / time**2, mass / time**2
     computed = {
         **system,

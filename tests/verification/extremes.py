@@ -1,9 +1,9 @@
-"""The battery of extremes: every case solved, refused or failed with a reason, every returned point judged on its own.
+"""The battery of extremes: every case is solved, refused or fails with a reason; every returned point is checked separately.
 
     PYTHONPATH=solver:tests python tests/verification/extremes.py [--docs DIR] [--processes 2] [--family TEXT] [--name TEXT] [--limit 180]
 
-Writes extremes.md and img/extremes.png, img/fold.png into DIR.  A case that takes longer than ``--limit`` seconds is ended and counts
-as a defect.  The exit status is 1 if a point is wrong, or the program broke down.
+Writes extremes.md and img/extremes.png, img/fold.png into DIR.  A case that exceeds ``--limit`` seconds is stopped and counts
+as a defect.  The exit status is 1 if a point is wrong, or the program failed without a message.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CONTEXT = multiprocessing.get_context("spawn")
 
 
 def serve(pipe) -> None:
-    """Run the cases whose numbers come through the pipe, until None comes."""
+    """Run the cases whose numbers are received through the pipe, until None is received."""
     from verification.extreme_cases import all_cases
     from verification.extreme_run import run_case
 
@@ -33,7 +33,7 @@ def serve(pipe) -> None:
 
 
 class Worker:
-    """A process of its own that runs cases one at a time, ended where one does not end."""
+    """A process that runs cases one at a time, and is terminated if a case does not end."""
 
     def __init__(self):
         self.start()
@@ -60,10 +60,10 @@ def run_all(numbers, cases, n_processes: int, limit: float, on_outcome=lambda ou
     """Return the outcomes of the cases with these numbers, in their order."""
     from verification.extreme_run import DEFECT, Outcome
 
-    left, values = list(numbers)[::-1], {}
-    workers = [Worker() for _ in range(min(n_processes, len(left)))]
+    waiting, values = list(numbers)[::-1], {}
+    workers = [Worker() for _ in range(min(n_processes, len(waiting)))]
     for worker in workers:
-        worker.give(left.pop())
+        worker.give(waiting.pop())
     while any(worker.number is not None for worker in workers):
         ready = wait([worker.pipe for worker in workers if worker.number is not None], timeout=1.0)
         for worker in workers:
@@ -88,8 +88,8 @@ def run_all(numbers, cases, n_processes: int, limit: float, on_outcome=lambda ou
                 worker.end()
                 worker.start()
             worker.number = None
-            if left:
-                worker.give(left.pop())
+            if waiting:
+                worker.give(waiting.pop())
     for worker in workers:
         worker.pipe.send(None)
         worker.process.join(10.0)
@@ -112,12 +112,12 @@ def main() -> None:
     cases = all_cases()
     numbers = [i for i, case in enumerate(cases) if chosen.family in case.family and chosen.name in case.name]
 
-    def say(outcome) -> None:
+    def report(outcome) -> None:
         if outcome.status != SOLVED and not outcome.expected:
             print(f"{outcome.status}: {outcome.family}: {outcome.name}: {outcome.words}", flush=True)
 
     start = time.perf_counter()
-    outcomes = run_all(numbers, cases, chosen.processes, chosen.limit, say)
+    outcomes = run_all(numbers, cases, chosen.processes, chosen.limit, report)
     seconds = time.perf_counter() - start
     counts = {
         status: sum(outcome.status == status for outcome in outcomes) for status in ("solved", "refused", "failed", WRONG, DEFECT)

@@ -1,8 +1,8 @@
-"""Folded resonances followed both ways: a preloaded contact that opens (softening), a gap that closes (hardening).
+"""Folded resonances followed in both directions: a preloaded contact that opens (softening), a gap that closes (hardening).
 
     PYTHONPATH=solver:tests python tests/verification/fold.py [DIR]
 
-One mass on a spring, pressed against the ground or a gap away from it.  Draws fold.png into DIR.
+One mass on a spring, pressed against the ground or with a gap to it.  Draws fold.png into DIR.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HZ = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class Fold:
-    """A mass of 1 kg on 1 N/m with a contact: the level, the band and frequencies to compare at [rad/s]."""
+    """A mass of 1 kg on 1 N/m with a contact: the level, the band and the frequencies of comparison [rad/s]."""
 
     title: str
     k_n: float  # N/m
@@ -92,15 +92,15 @@ def turning_points(branch) -> list[int]:
     return [i + 1 for i in range(len(steps) - 1) if steps[i] * steps[i + 1] < 0.0]
 
 
-def at_asked(fold: Fold, branch) -> list[np.ndarray]:
-    """Return the sorted amplitudes of all solutions found at each asked frequency."""
+def at_requested(fold: Fold, branch) -> list[np.ndarray]:
+    """Return the sorted amplitudes of all solutions at each requested frequency."""
     omegas, sizes = np.array([point.omega for point in branch.points]), amplitudes(branch)
     return [np.sort(sizes[np.abs(omegas - omega) < 1e-9]) for omega in fold.at]
 
 
 def difference(fold: Fold, up, down) -> float:
-    """Return the largest relative difference of the amplitudes at the asked frequencies, infinite where their numbers differ."""
-    pairs = list(zip(at_asked(fold, up), at_asked(fold, down)))
+    """Return the largest relative difference of the amplitudes at requested frequencies, infinite where their numbers differ."""
+    pairs = list(zip(at_requested(fold, up), at_requested(fold, down)))
     if any(len(a) != len(b) for a, b in pairs):
         return np.inf
     return max(float(np.abs(a / b - 1.0).max()) for a, b in pairs)
@@ -137,7 +137,7 @@ def draw(folder: Path) -> list[str]:
         axis.spines[["top", "right"]].set_visible(False)
         lines.append(
             f"{fold.title} ({name}): {len(turning_points(up))} turning points forward, {len(turning_points(down))} backward; of "
-            f"{len(fold.at)} common frequencies {sum(len(each) == 3 for each in at_asked(fold, up))} have three solutions, and both "
+            f"{len(fold.at)} common frequencies {sum(len(each) == 3 for each in at_requested(fold, up))} have three solutions, and both "
             f"directions give the same ones to {difference(fold, up, down):.1e}."
         )
     figure.savefig(folder / "fold.png", dpi=150)

@@ -1,9 +1,9 @@
-"""Free decay by time integration beside the nonlinear mode: frequency shift and damping against amplitude.
+"""Free decay by time integration compared with the nonlinear mode: frequency shift and damping over the amplitude.
 
     PYTHONPATH=solver:tests python tests/verification/free_decay.py [SCENE] [STARTS] [PERIODS] [HARMONICS]
 
 Starts on the mode at each of STARTS (1.5,2,3,4) times the amplitude of first slip, and fits a decaying harmonic to every two periods
-of the mode's coordinate.  Four periods are followed by default: later ones retain tractions of the earlier, larger cycles.
+of the mode's coordinate.  Four periods are followed by default: later periods retain tractions of the earlier, larger cycles.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from microslip.transient.march import March
 from microslip.transient.steady import from_harmonics
 from microslip.transient.transient_model import transient_model
 
-STEPS, WINDOW = 256, 2  # a period; periods of a fit
+STEPS, WINDOW = 256, 2  # steps per period; periods per fit
 
 
 def decay(scene: str, largest: float, periods: int, **keys):

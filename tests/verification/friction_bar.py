@@ -1,12 +1,12 @@
-"""The bar on a friction foundation, meshed with solids: the micro-slip test of the whole chain, mesh to energy.
+"""The bar on a friction foundation, meshed with solids: the micro-slip test of all stages, from mesh to energy.
 
     PYTHONPATH=solver:tests:meshes python tests/verification/friction_bar.py
 
 A bar of steel with nu = 0 lies between two rigid plates, pressed together, and is pulled and pushed at its end far below its
 first resonance.  By symmetry one half is modelled: the joint is its underside, the plane of symmetry its top.  Scene
-file and mesh are written, and what comes out of the chain (pairing, areas, assembly, factor, modes, static residuals,
-harmonic balance) is compared with ``oracles.exact.FrictionBar``, a bar of one dimension.  That bar knows no shear lag: the solid
-one departs from it by about 2/3 (lam h)^2, 2e-5 here.
+file and mesh are written, and the results of all stages (pairing, areas, assembly, factor, modes, static residuals,
+harmonic balance) are compared with ``oracles.exact.FrictionBar``, a bar of one dimension.  That bar has no shear lag: the solid
+bar differs from it by about 2/3 (lam h)^2, 2e-5 here.
 """
 
 from __future__ import annotations
@@ -67,15 +67,15 @@ def write_case(folder: Path, kind: str, cells: tuple[int, int, int], levels, har
 
 @dataclass(frozen=True)
 class Errors:
-    """Relative errors of the chain against the exact bar."""
+    """Relative errors of the program compared with the exact bar."""
 
     pairs: int
-    stiffness: float  # of the end, all pairs stuck
+    stiffness: float  # of the end, with all pairs stuck
     first_slip: float  # of the pull at which the first pair slips
     motion: np.ndarray  # (n_levels,) of the end's displacement in harmonic 1: amplitude and phase
-    loop: np.ndarray  # (n_levels,) of its harmonics 1 to H together
+    loop: np.ndarray  # (n_levels,) of its harmonics 1 to H combined
     loss: np.ndarray  # (n_levels,) of the loss per cycle
-    closure: float  # of the energy, at the worst point
+    closure: float  # energy balance, at the worst point
 
     def __str__(self) -> str:
         def columns(values):
@@ -88,7 +88,7 @@ class Errors:
 
 
 def errors(kind: str, cells, comm, levels=LEVELS, harmonics=15, samples=512) -> Errors:
-    """Run the bar at the ``levels`` [N], and once far below the first slip; compare.  On one rank."""
+    """Run the bar at the ``levels`` [N], and once far below the first slip; return the errors.  On one rank."""
     small = 1e-3 * EXACT.first_slip
     with tempfile.TemporaryDirectory() as folder:
         weights = write_case(Path(folder), kind, cells, [small, *levels], harmonics, samples)

@@ -1,13 +1,14 @@
-"""The 8-node hexahedron with incompatible modes as it is here and in CalculiX (C3D8I): what differs, and where both lead.
+"""The 8-node hexahedron with incompatible modes in this program and in CalculiX (C3D8I): differences and limits.
 
     PYTHONPATH=solver:tests python tests/verification/incompatible_modes.py [path of ccx] [refinements, 1,2,4 by default]
 
-CalculiX' element is rebuilt: gradients of the modes without the factor det J_centre / det J, and a mass that has the modes. At
-the 2 x 2 x 2 points of the mass 1 - xi^2 is 2/3 in all three directions, so that three modes move the inside of the element as
-one: three more unknowns an element with its whole mass, and six that follow without mass. With ``ccx`` (Debian: calculix-ccx)
-that is compared with its own frequencies. Then over refined meshes of the curved, twisted and tapered bar, whose elements become
-parallelepipeds, and of a straight one of trapezia that stay what they are: six frequencies against hex20, and the energy of a
-constant strain (the least of six) against the exact one, in which an element that passes the patch test has no error.
+CalculiX' element is rebuilt: gradients of the modes without the factor det J_centre / det J, and a mass that includes the modes. At
+the 2 x 2 x 2 points of the mass 1 - xi^2 is 2/3 in all three directions, so that three modes move the inside of the element
+together: three additional unknowns per element with its whole mass, and six that follow without mass. With ``ccx`` (Debian:
+calculix-ccx) that is compared with its frequencies. Then over refined meshes of the curved, twisted and tapered bar, whose elements
+become parallelepipeds, and of a straight bar of trapezia whose shape does not change: six frequencies compared with hex20, and the
+energy of a constant strain (the least of six) compared with the exact energy, in which an element that passes the patch test has no
+error.
 """
 
 from __future__ import annotations
@@ -32,18 +33,18 @@ AS_ONE = np.array([[0.5, 1.0, 0.0], [0.5, -1.0, 1.0], [0.5, 0.0, -1.0]])  # mode
 
 
 def as_calculix(points, nodes):
-    """Return K and M of CalculiX' C3D8I, three rows for each element behind those of the nodes."""
+    """Return K and M of CalculiX' C3D8I, with three rows per element after those of the nodes."""
     young, poisson, density = STEEL
     corners, rule = points[nodes], rules("hex8")[0]
     dN, volumes = solid._gradients(HEX8, corners, rule)
     centre = solid._jacobians(HEX8, corners, np.zeros((1, 3)))[1]
-    modes = solid._incompatible_gradients(HEX8, corners, rule, centre * rule.weights)  # makes the factor 1
+    modes = solid._incompatible_gradients(HEX8, corners, rule, centre * rule.weights)  # with weights that make the factor 1
     whole = Isotropic(young, poisson).stiffness(np.concatenate([dN, modes @ AS_ONE], axis=-1), volumes)
     K = solid.condensed(whole, 27)
     N = np.column_stack([HEX8.values(rule.points), np.ones(8)])
     M = density * np.einsum("eq,qa,qb->eab", volumes, N, N)
-    own = np.column_stack([nodes, len(points) + np.arange(len(nodes))])
-    rows = (3 * own[:, :, None] + np.arange(3)).reshape(len(own), -1)
+    dofs = np.column_stack([nodes, len(points) + np.arange(len(nodes))])
+    rows = (3 * dofs[:, :, None] + np.arange(3)).reshape(len(dofs), -1)
     return _sum(K, rows), _sum(np.einsum("eab,ij->eaibj", M, np.eye(3)).reshape(len(M), 27, 27), rows)
 
 
@@ -53,7 +54,7 @@ def curved(kind, times):
 
 
 def trapezia(kind, times):
-    """Return the straight bar, every second layer of nodes moved up and down along the bar by a third of an element."""
+    """Return the straight bar, with every second layer of nodes moved up and down along the bar by a third of an element."""
     points, nodes = box(kind, (2 * times, 2 * times, 4 * times), SIZE)
     i, k = points[:, 0] * 2 * times / SIZE[0], points[:, 2] * 4 * times / SIZE[2]
     wave = np.cos(np.pi * i) * np.sin(0.5 * np.pi * k) ** 2 * np.isclose(k % 2.0, 1.0)
@@ -65,7 +66,7 @@ def lowest(K, M, points, n=6):
 
 
 def least_energy(K, points, nodes):
-    """Return the least energy of six constant strains over the exact one, less 1; rows behind the nodes' follow without force."""
+    """Return the least energy of six constant strains divided by the exact energy, less 1; rows after the nodes' have no force."""
     lam, mu = (steel := Isotropic(*STEEL[:2])).lam, steel.mu
     n, volume, values = points.size, elements.volumes("hex8", points[nodes]).sum(), []
     for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
@@ -80,7 +81,7 @@ def least_energy(K, points, nodes):
 
 
 def rebuilt(ccx):
-    """Print how CalculiX' own frequencies agree with those of its element rebuilt, on both meshes."""
+    """Print how CalculiX' frequencies agree with those of its rebuilt element, on both meshes."""
     for mesh in (curved, trapezia):
         points, nodes = mesh("hex8", 1)
         tip = int(np.argmax(points[:, 2]))

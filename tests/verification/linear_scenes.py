@@ -1,11 +1,11 @@
-"""Frequencies of structures without a joint, through the whole chain from scene and mesh files, against theory.
+"""Frequencies of structures without a joint, through all stages from scene and mesh files, compared with theory.
 
     PYTHONPATH=solver:tests:meshes python tests/verification/linear_scenes.py
 
-- *cantilever*: 10 x 0.8 x 1.2 m of hex20 with nu = 0, so that the clamped end shrinks nobody: Timoshenko's beam in both directions
-  and the bar along the axis;
-- *free plate*: 1 x 1 x 0.02 m of hex20. Its modes that are antisymmetric in both directions are those of a quarter that is held on
-  its cuts along the plate and across it; of half the thickness, held along the plate on the middle plane, nothing moves freely.
+- *cantilever*: 10 x 0.8 x 1.2 m of hex20 with nu = 0, so that the clamped end has no lateral contraction: Timoshenko's beam in both
+  directions and the bar along the axis;
+- *free plate*: 1 x 1 x 0.02 m of hex20. Its modes that are antisymmetric in both directions are those of a quarter whose cuts
+  are held along the plate and across it; with half the thickness and the middle plane held along the plate, it has no rigid motion.
   Mindlin's plate by the Ritz method (``oracles.structures``).
 """
 
@@ -64,7 +64,7 @@ def cantilever_theory() -> dict[str, np.ndarray]:
 
 
 def plate(n: int, comm) -> np.ndarray:
-    """Return the two lowest frequencies [Hz] of the antisymmetric modes of the plate, n x n elements a quarter."""
+    """Return the two lowest frequencies [Hz] of the antisymmetric modes of the plate, n x n elements per quarter."""
     quarter = box("hex20", (SIDE / 2, SIDE / 2, THICKNESS / 2), (n, n, 1))
     return frequencies(quarter, {"x0": "yz", "y0": "xz", "z0": "xy"}, (SIDE / 2, SIDE / 2, 0.0), 0.3, 2, comm)
 
@@ -76,7 +76,7 @@ def plate_theory() -> np.ndarray:
 
 
 def nearest(computed: np.ndarray, theory) -> np.ndarray:
-    """Return the relative distance of each frequency of theory from the nearest one found."""
+    """Return the relative distance of each theoretical frequency from the nearest computed one."""
     return np.array([min(computed / value - 1.0, key=abs) for value in np.atleast_1d(theory)])
 
 

@@ -2,7 +2,7 @@
 
     PYTHONPATH=solver:tests python tests/verification/modes_by_tmdsimpy.py FOLDER [N_PAIRS]
 
-FOLDER is where github.com/tmd-lab/tmdsimpy was cloned.  Every mass has a Jenkins element, its normal force is constant; both
+FOLDER is a clone of github.com/tmd-lab/tmdsimpy.  Every mass has a Jenkins element with constant normal force; both
 programs march from sample to sample by the return map.
 """
 
@@ -68,7 +68,7 @@ def by_tmdsimpy(system: dict, amplitudes, start):
     for k_t, limit, row in zip(system["k_t"], system["N0"] * system["mu"], np.eye(n)):
         vibration.add_nl_force(VectorJenkins(row[None], row[:, None], k_t, limit))
     phase = np.zeros(n * (2 * H + 1))
-    phase[2 * n : 3 * n] = start[n : 2 * n]  # the sine of the stuck mode is zero: the same instants are samples
+    phase[2 * n : 3 * n] = start[n : 2 * n]  # the sine of the stuck mode is zero: samples are at the same instants
     x, results, began = start, [], time.process_time()
     for amplitude in amplitudes:
         for _ in range(60):

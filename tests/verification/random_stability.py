@@ -1,13 +1,13 @@
-"""Random structures: is a point stable where a small disturbance of its time integration decays?
+"""Random structures: is a point stable exactly if a small disturbance of its time integration decays?
 
     PYTHONPATH=solver:tests python tests/verification/random_stability.py --systems 12 [--seed 1] [--harmonics 9 --samples 256]
 
 The structures, levels and points are those of random_systems.py.  oracles/shooting.py integrates the full system in time to the
-steady state at the frequency of each point, and differences of its map of a period tell what becomes of small disturbances: the
+steady state at the frequency of each point, and differences of its map of a period describe the growth of small disturbances: the
 largest eigenvalue of that map is compared with the largest multiplier of the program.  Where differences of other sizes, or
-to the other side, have other eigenvalues, the map has a corner there and no derivative: a slider rests exactly at its limit, where the march to its
-place at rest ends.  At such points two disturbed motions are integrated until the disturbance dies out or grows.
-Points whose steady state is another one are not judged.  Points whose note says that their stability is uncertain are counted.
+in the other direction, have other eigenvalues, the map has a corner and no derivative: a slider rests exactly at its limit, where the march to its
+rest position ends.  At such points two disturbed motions are integrated until the disturbance decays or grows.
+Points with another steady state are not compared.  Points whose note states that their stability is uncertain are counted.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from microslip.library.prepare import prepare
 from microslip.points.multipliers import BEYOND, is_stable
 from microslip.scene.read import changed, read_scene
 
-SAME = 0.02  # of the amplitude: a steady state further off is another one
-SIZES = (1e-7, 1e-9, -1e-9)  # of the differences, over the size of the state, to both sides
-CORNER = 0.005  # of the largest eigenvalue, by which these differences differ where the map has a corner
+SAME = 0.02  # of the amplitude: a steady state at a larger distance is another one
+SIZES = (1e-7, 1e-9, -1e-9)  # of the differences, relative to the size of the state, in both directions
+CORNER = 0.005  # relative to the largest eigenvalue: these differences differ by more where the map has a corner
 
 
 @dataclass
 class Judged:
-    """A point: the largest multiplier by the program and by time integration."""
+    """A point with its largest multiplier by the program and by time integration."""
 
     number: int  # of the system
     level: float
@@ -58,12 +58,12 @@ class Judged:
 
     @property
     def agrees(self) -> bool:
-        """Whether both say stable, or both unstable."""
+        """Whether the program and time integration agree on stability."""
         return (self.computed <= 1.0 + BEYOND) == self.is_stable
 
 
 def judge(seed: int, number: int, points: int, solver: dict, steps: int, lift_off: bool) -> tuple[list[Judged], int]:
-    """Return the judged points of a system, and how many have no steady state beside them."""
+    """Return the compared points of a system, and how many are near another steady state."""
     system, judged, others = draw(seed, number, lift_off), [], 0
     output = int(np.argmax(system["output"]))
     with tempfile.TemporaryDirectory() as folder:
@@ -90,7 +90,7 @@ def judge(seed: int, number: int, points: int, solver: dict, steps: int, lift_of
 
 
 def integrated(of: shooting.Point, steady: shooting.Steady, steps: int) -> tuple[float, bool, bool, float]:
-    """Return what time integration says of a steady state: the last four values of :class:`Judged`."""
+    """Return the results of time integration for a steady state: the last four values of :class:`Judged`."""
     sizes = [of.largest_multiplier(steady.x, steps, size) for size in SIZES]
     at_corner = np.ptp(sizes) > CORNER
     stable = of.forgets(steady.x, steps, np.random.default_rng(0)) if at_corner else sizes[1] <= 1.0 + BEYOND
@@ -110,32 +110,33 @@ def main():
     ):
         options.add_argument(f"--{name}", type=int, default=value)
     options.add_argument("--lift-off", action="store_true")
-    asked, start = options.parse_args(), time.perf_counter()
-    solver = {"harmonics": asked.harmonics, "samples": asked.samples}
+    arguments, start = options.parse_args(), time.perf_counter()
+    solver = {"harmonics": arguments.harmonics, "samples": arguments.samples}
     results = [
-        judge(asked.seed, asked.first + i, asked.points, solver, asked.steps, asked.lift_off) for i in range(asked.systems)
+        judge(arguments.seed, arguments.first + i, arguments.points, solver, arguments.steps, arguments.lift_off)
+        for i in range(arguments.systems)
     ]
-    judged = [one for each, _ in results for one in each]
+    judged = [result for each, _ in results for result in each]
     others = sum(count for _, count in results)
     print(
-        f"{len(judged)} points of {asked.systems} systems, {others} more beside another steady state; {time.perf_counter() - start:.0f} s"
+        f"{len(judged)} points of {arguments.systems} systems, {others} more beside another steady state; {time.perf_counter() - start:.0f} s"
     )
-    for name, some in (("all", judged), ("of which pairs move", [one for one in judged if one.slips])):
+    for name, some in (("all", judged), ("of which pairs move", [result for result in judged if result.slips])):
         if some:
-            off = np.array([abs(one.computed - one.integrated) for one in some if not one.at_corner])
+            off = np.array([abs(result.computed - result.integrated) for result in some if not result.at_corner])
             unstable, corners, noted = (
-                sum(of) for of in zip(*((not one.is_stable, one.at_corner, one.is_noted) for one in some))
+                sum(of) for of in zip(*((not result.is_stable, result.at_corner, result.is_noted) for result in some))
             )
-            alike = np.mean([one.agrees for one in some if not one.is_noted])
+            alike = np.mean([result.agrees for result in some if not result.is_noted])
             print(
                 f"{name}: {len(some)} points, {unstable} unstable, {corners} at a corner, {noted} noted as uncertain; the others judged alike {100.0 * alike:.1f} %; "
                 f"largest multiplier off by {np.median(off):.1e} (median), {np.quantile(off, 0.95):.1e} (95 %), {off.max():.1e} (most)"
             )
-    for one in judged:
-        if not one.agrees or (not one.at_corner and abs(one.computed - one.integrated) > 0.05):
+    for result in judged:
+        if not result.agrees or (not result.at_corner and abs(result.computed - result.integrated) > 0.05):
             print(
-                f"system {one.number}, level {one.level:.4g}, omega {one.omega:.6g}: {one.computed:.5f}, integrated {one.integrated:.5f}, "
-                f"{'stable' if one.is_stable else 'unstable'}{', at a corner' if one.at_corner else ''}{', noted' if one.is_noted else ''}, fold {one.fold:.1e}"
+                f"system {result.number}, level {result.level:.4g}, omega {result.omega:.6g}: {result.computed:.5f}, integrated {result.integrated:.5f}, "
+                f"{'stable' if result.is_stable else 'unstable'}{', at a corner' if result.at_corner else ''}{', noted' if result.is_noted else ''}, fold {result.fold:.1e}"
             )
 
 

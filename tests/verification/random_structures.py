@@ -1,6 +1,6 @@
 """Random structures with contact, of 2 to 12 degrees of freedom and 1 to 4 pairs, drawn from a seed.
 
-What a joint does in practice is in them: sliding in one or two directions under a constant or a varying normal force, lift-off,
+They have the typical mechanisms of a joint: sliding in one or two directions under a constant or a varying normal force, lift-off,
 gaps, constant loads, two harmonics of load, light and heavy damping, from the first slip to gross slip.
 """
 
@@ -10,13 +10,13 @@ import numpy as np
 from oracles import scenes
 from scipy.linalg import eigh
 
-LEVELS = (0.8, 1.5, 3.0, 8.0)  # over the one at which the first pair slips at resonance, each times 0.8 to 1.25
+LEVELS = (0.8, 1.5, 3.0, 8.0)  # relative to first slip at resonance, each times 0.8 to 1.25
 
 
 def draw(seed: int, number: int, lift_off: bool = False) -> dict:
-    """Return a system of scenes.py with its levels and band; the same for the same two numbers.
+    """Return a system of scenes.py with its levels and band, which depends only on the two numbers.
 
-    With ``lift_off`` the levels are over the one at which the first pair slips and the first opens.
+    With ``lift_off`` the levels are relative to the level at which the first pair slips and the first opens.
     """
     rng = np.random.default_rng([seed, number])
     n, m = int(rng.integers(2, 13)), int(rng.integers(1, 5))
@@ -50,7 +50,7 @@ def draw(seed: int, number: int, lift_off: bool = False) -> dict:
     onset = onset if np.isfinite(onset) else 1.0
     if lift_off and (press > 0.0).any():
         onset = max(onset, np.min(N0[press > 0.0] / press[press > 0.0]))
-    gaps = (rng.random(m) < 0.15) & (press > 0.0)  # closed at the third level at the latest
+    gaps = (rng.random(m) < 0.15) & (press > 0.0)  # which close at the third level at the latest
     N0 = np.where(gaps, -_between(rng, 0.1, 1.0, m) * press * LEVELS[1] * onset, N0)
     unit = np.abs(N0).max()  # forces of order 1
     levels = np.array(LEVELS) * _between(rng, 0.8, 1.25, len(LEVELS)) * onset / unit
@@ -58,12 +58,12 @@ def draw(seed: int, number: int, lift_off: bool = False) -> dict:
 
 
 def _between(rng, low, high, size=None):
-    """Return numbers whose logarithms are uniform."""
+    """Return numbers with uniformly distributed logarithms."""
     return np.exp(rng.uniform(np.log(low), np.log(high), size))
 
 
 def _stiffness(rng, n):
-    """Return springs to the ground and between neighbours, or a full matrix; it holds by itself."""
+    """Return springs to the ground and between neighbours, or a full matrix; without rigid motion."""
     if rng.random() < 0.5:
         Q, _ = np.linalg.qr(rng.standard_normal((n, n)))
         return Q @ np.diag(_between(rng, 0.5, 10.0, n)) @ Q.T
@@ -85,7 +85,7 @@ def _dofs(rng, n):
 
 
 def _loads(rng, n):
-    """Return a load of harmonic 1, and perhaps a constant one and one of harmonic 2."""
+    """Return a load of harmonic 1, and optionally a constant load and a load of harmonic 2."""
     wanted = [(1, 1.0)] + [(0, 0.5)] * (rng.random() < 0.3) + [(2, 0.3)] * (rng.random() < 0.3)
     return [
         {
@@ -110,7 +110,7 @@ def stuck_forces(system, low, high):
 
 
 def kinds(system) -> list[str]:
-    """Return what is in a system, by the words of the table."""
+    """Return the features of a system, by the words of the table."""
     dofs, harmonics = system["pair_dofs"], {load["harmonic"] for load in system["loads"]}
     moves = [(dofs[:, i] >= 0) | (dofs[:, 3 + i] >= 0) for i in range(3)]
     computed = ["separate" if system["separate"].any() else "circle" if (moves[0] & moves[1]).any() else "line"]

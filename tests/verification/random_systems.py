@@ -1,11 +1,11 @@
-"""Random structures against time integration to a true steady state: do the error bars hold?
+"""Random structures compared with time integration to a true steady state: are the error bars valid?
 
     PYTHONPATH=solver:tests python tests/verification/random_systems.py --systems 40 [--seed 1] [--harmonics 15 --samples 1024]
 
 A structure (random_structures.py) is solved by the program at four levels, from before the first slip to gross slip; at some points
-of every curve oracles/shooting.py integrates the full system in time, with a contact law of its own, to a steady state, beginning
-at the motion that the program found and with sliders where theory.md, eq. (3.5) puts them.  A bar holds if the complex amplitude
-of harmonic 1 lies within it, or within what time integration itself is known to.
+of every curve oracles/shooting.py integrates the full system in time, with an independent contact law, to a steady state, starting
+at the motion of the program with sliders by theory.md, eq. (3.5).  An error bar is valid if the complex amplitude
+of harmonic 1 lies within it, or within the accuracy of time integration.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from microslip.points.error_parts import PARTS, total
 from microslip.scene.read import read_scene
 
 HERE = MPI.COMM_SELF
-STEPS = 2048  # a period; half of them tell how well it is known
-STEADY = 1e-7  # distance from a steady state, over the stuck motion, up to which a point is judged
-ROUNDING = 1e-9  # of the peak
-FOLD = 0.01  # smallest singular value of a period less 1, below which a solution lies beside a fold
-MORE = 15  # harmonics of solutions from which integration begins where it has left the point
-PUSHED = 1e-6  # over the stuck motion
-DRIFTS = 0.1  # of a slider's way that a period leaves, at least
+STEPS = 2048  # per period; half of them give the accuracy of time integration
+STEADY = 1e-7  # distance from a steady state, relative to the stuck motion, up to which a point is compared
+ROUNDING = 1e-9  # relative to the peak
+FOLD = 0.01  # smallest singular value of the map of a period less 1, below which a solution is near a fold
+MORE = 15  # harmonics of solutions from which integration starts again where it left the point
+PUSHED = 1e-6  # relative to the stuck motion
+DRIFTS = 0.1  # least ratio of a slider's drift per period to its path
 
 
 @dataclass
 class Judged:
-    """A point of the program beside time integration; lengths over the largest amplitude of its curve."""
+    """A point of the program compared with time integration; lengths relative to the largest amplitude of its curve."""
 
     number: int  # of the system
     level: float
@@ -61,10 +61,10 @@ class Judged:
     notes: tuple[str, ...]
     error: float = np.nan  # of the complex amplitude
     mean: float = np.nan  # error of the constant part
-    own: float = np.nan  # of time integration
+    own: float = np.nan  # error of time integration
     distance: float = np.inf
     drifts: float = 0.0
-    history: float = 0.0  # how far resting sliders were left from where the rule (3.5) puts them, over the stuck motion
+    history: float = 0.0  # distance of resting sliders from their position by the rule (3.5), relative to the stuck motion
     state: tuple[int, ...] = ()
 
     @property
@@ -77,8 +77,8 @@ class Judged:
 
 
 @dataclass
-class Found:
-    """What the program made of a system."""
+class Computed:
+    """Points of a system by the program."""
 
     judged: list[Judged] = field(default_factory=list)
     cases: list[tuple] = field(default_factory=list)  # (system, level, omega)
@@ -89,13 +89,13 @@ class Found:
     failures: list[str] = field(default_factory=list)
 
 
-def solve(seed: int, number: int, points: int, solver: dict, lift_off: bool = False) -> Found:
-    """Return some points of the curves of a system by the program, and where time integration is to begin."""
-    system, outcome = draw(seed, number, lift_off), Found()
+def solve(seed: int, number: int, points: int, solver: dict, lift_off: bool = False) -> Computed:
+    """Return some points of the curves of a system by the program, and the start of time integration."""
+    system, outcome = draw(seed, number, lift_off), Computed()
     try:
         branches = followed(system, sorted(system["levels"].values()), solver)
     except MicroslipError as failure:
-        return Found(failures=[f"{number}: {failure}"])
+        return Computed(failures=[f"{number}: {failure}"])
     for branch in branches:
         if branch.failure:
             outcome.failures.append(f"{number} at {branch.level:.3g}: {branch.failure.splitlines()[0]}")
@@ -115,7 +115,7 @@ def followed(system, levels, solver: dict) -> list[Branch]:
 
 
 def chosen(sizes, points: int) -> list[int]:
-    """Return the peak, two thirds of the others near it and the rest spread along the curve."""
+    """Return the peak, two thirds of the other points near it and the rest distributed along the curve."""
     if not sizes:
         return []
     top = int(np.argmax(sizes))
@@ -124,8 +124,8 @@ def chosen(sizes, points: int) -> list[int]:
     return sorted({top, *near.tolist(), *np.linspace(0, len(sizes) - 1, points - len(near)).astype(int).tolist()})
 
 
-def keep(computed: Found, number: int, system, level: float, point, peak: float) -> None:
-    """Add a point of a curve of a system, whose largest amplitude is ``peak``, to those to be judged."""
+def keep(computed: Computed, number: int, system, level: float, point, peak: float) -> None:
+    """Add a point of a curve of a system, whose largest amplitude is ``peak``, to the points for comparison."""
     computed.judged.append(
         Judged(
             number,
@@ -147,70 +147,73 @@ def keep(computed: Found, number: int, system, level: float, point, peak: float)
     computed.peaks.append(peak)
 
 
-def judge(computed: list[Found], steps: int = STEPS) -> list[Judged]:
-    """Integrate all points in time, and complete what is known of them."""
+def judge(computed: list[Computed], steps: int = STEPS) -> list[Judged]:
+    """Integrate all points in time, and complete their results."""
     for of in computed:
-        for one, case, p, amplitude, mean, peak in zip(of.judged, of.cases, of.forces, of.amplitudes, of.means, of.peaks):
+        for result, case, p, amplitude, mean, peak in zip(of.judged, of.cases, of.forces, of.amplitudes, of.means, of.peaks):
             point = shooting.Point(*case)
-            steady, one.history = point.by_rule(point.state_of(p), steps)
+            steady, result.history = point.by_rule(point.state_of(p), steps)
             coarse = point.steady(steady.x, steps // 2).amplitude
-            one.error, one.own = abs(steady.amplitude / peak - amplitude), abs(coarse - steady.amplitude) / peak
-            one.mean, one.distance, one.drifts = abs(steady.mean / peak - mean), steady.distance, steady.drifts
-            one.kinds += ["drifts"] * (one.drifts >= DRIFTS) + ["beside a fold"] * (steady.fold < FOLD)
-            one.kinds += ["sliders pushed on the way"] * (one.history > PUSHED)
-    return [one for of in computed for one in of.judged]
+            result.error, result.own = abs(steady.amplitude / peak - amplitude), abs(coarse - steady.amplitude) / peak
+            result.mean, result.distance, result.drifts = abs(steady.mean / peak - mean), steady.distance, steady.drifts
+            result.kinds += ["drifts"] * (result.drifts >= DRIFTS) + ["beside a fold"] * (steady.fold < FOLD)
+            result.kinds += ["sliders pushed on the way"] * (result.history > PUSHED)
+    return [result for of in computed for result in of.judged]
 
 
-def judge_from_more(computed: Found, i: int, steps: int = STEPS, harmonics: int = MORE) -> None:
-    """Judge a point again by the nearest steady state that time integration reaches from solutions with more harmonics.
+def judge_from_more(computed: Computed, i: int, steps: int = STEPS, harmonics: int = MORE) -> None:
+    """Compare a point with the nearest steady state that time integration reaches from solutions with more harmonics.
 
-    Beside a fold, integration that begins at the motion of a few harmonics may leave a solution nearby for one far away.
+    Near a fold, integration from the motion of a few harmonics may leave a nearby solution for a distant one.
     """
-    one, case, amplitude, peak = computed.judged[i], computed.cases[i], computed.amplitudes[i], computed.peaks[i]
+    result, case, amplitude, peak = computed.judged[i], computed.cases[i], computed.amplitudes[i], computed.peaks[i]
     system, level, omega = case
     for branch in followed(system, [level], {"harmonics": harmonics, "at": [omega]}):
         for solution in (point for point in branch.points if abs(point.omega / omega - 1.0) < ROUNDING):
             point = shooting.Point(*case)
             steady, history = point.by_rule(point.state_of(np.asarray(solution.p)), steps)
             error = abs(steady.amplitude / peak - amplitude)
-            if steady.distance <= STEADY and error < one.error:
-                one.error, one.distance, one.drifts, one.history = error, steady.distance, steady.drifts, history
-                one.kinds += [f"judged from {harmonics} harmonics"] + ["beside a fold"] * (steady.fold < FOLD)
+            if steady.distance <= STEADY and error < result.error:
+                result.error, result.distance, result.drifts, result.history = error, steady.distance, steady.drifts, history
+                result.kinds += [f"judged from {harmonics} harmonics"] + ["beside a fold"] * (steady.fold < FOLD)
 
 
 @dataclass(frozen=True)
 class Share:
-    """How many points of a kind lie within their bar, and the largest error beyond the bars; over the peak."""
+    """The number of points of a kind within their error bar, and the largest errors, relative to the peak."""
 
     points: int
     within: float
     worst: float  # error of the amplitude
     bar: float  # of that point
-    beyond: float  # the largest error less what the bar says
+    beyond: float  # the largest error less its error bar
     mean: float  # the largest error of the constant part
 
 
 def share(judged: list[Judged]) -> Share:
-    """Return it of some points that came to a steady state."""
+    """Return the share of some points with a steady state."""
     if not judged:
         return Share(0, np.nan, np.nan, np.nan, np.nan, np.nan)
-    worst = max(judged, key=lambda one: one.error)
+    worst = max(judged, key=lambda result: result.error)
     return Share(
         len(judged),
-        float(np.mean([one.holds for one in judged])),
+        float(np.mean([result.holds for result in judged])),
         worst.error,
         worst.bar,
-        max(one.error - one.bar for one in judged),
-        max(one.mean for one in judged),
+        max(result.error - result.bar for result in judged),
+        max(result.mean for result in judged),
     )
 
 
 def table(judged: list[Judged]) -> str:
-    """Return the rows of the kinds of points, of all, and of those in which a pair slips or opens."""
-    steady = [one for one in judged if one.is_steady]
-    move = [one for one in steady if any(one.state)]
-    rows = {"all": steady, "no pair moves": [one for one in steady if not any(one.state)], "pairs slip or open": move}
-    rows |= {f"… {kind}": [one for one in move if kind in one.kinds] for kind in sorted({k for one in move for k in one.kinds})}
+    """Return the rows of all points, of those in which a pair slips or opens, and of each kind."""
+    steady = [result for result in judged if result.is_steady]
+    move = [result for result in steady if any(result.state)]
+    rows = {"all": steady, "no pair moves": [result for result in steady if not any(result.state)], "pairs slip or open": move}
+    rows |= {
+        f"… {kind}": [result for result in move if kind in result.kinds]
+        for kind in sorted({k for result in move for k in result.kinds})
+    }
     lines = [
         "| points | number | within the bar | largest error | its bar | largest beyond a bar | of the mean |",
         "| --- " * 7 + "|",
@@ -224,9 +227,9 @@ def table(judged: list[Judged]) -> str:
 
 
 def outside(judged: list[Judged]) -> list[Judged]:
-    """Return the steady points beyond their bar, the worst first."""
-    too_small = [one for one in judged if one.is_steady and not one.holds]
-    return sorted(too_small, key=lambda one: one.bar - one.error)
+    """Return the steady points beyond their error bar, the worst first."""
+    too_small = [result for result in judged if result.is_steady and not result.holds]
+    return sorted(too_small, key=lambda result: result.bar - result.error)
 
 
 def main():
@@ -237,23 +240,23 @@ def main():
     options.add_argument("--points", type=int, default=6, help="of each curve, at most")
     for key, kind in (("harmonics", int), ("samples", int), ("accuracy", float)):
         options.add_argument(f"--{key}", type=kind)
-    asked, start = options.parse_args(), time.perf_counter()
-    solver = {key: value for key in ("harmonics", "samples", "accuracy") if (value := getattr(asked, key)) is not None}
-    outcomes = [solve(asked.seed, asked.first + i, asked.points, dict(solver)) for i in range(asked.systems)]
+    arguments, start = options.parse_args(), time.perf_counter()
+    solver = {key: value for key in ("harmonics", "samples", "accuracy") if (value := getattr(arguments, key)) is not None}
+    outcomes = [solve(arguments.seed, arguments.first + i, arguments.points, dict(solver)) for i in range(arguments.systems)]
     solved = time.perf_counter()
     judged = judge(outcomes)
-    for failure in (failure for one in outcomes for failure in one.failures):
+    for failure in (failure for result in outcomes for failure in result.failures):
         print(f"failed: {failure}")
-    unsteady = [one for one in judged if not one.is_steady]
+    unsteady = [result for result in judged if not result.is_steady]
     print(f"\n{len(judged)} points of {len(outcomes)} systems, {len(unsteady)} without a steady state")
     print(f"program {solved - start:.0f} s, time integration {time.perf_counter() - solved:.0f} s; its own error up to ", end="")
-    print(f"{max(one.own for one in judged if one.is_steady):.1e} of the peak\n\n{table(judged)}\n")
-    for one in outside(judged):
-        parts = ", ".join(f"{name} {value:.1e}" for name, value in one.parts.items() if value > 0.0)
+    print(f"{max(result.own for result in judged if result.is_steady):.1e} of the peak\n\n{table(judged)}\n")
+    for result in outside(judged):
+        parts = ", ".join(f"{name} {value:.1e}" for name, value in result.parts.items() if value > 0.0)
         print(
-            f"system {one.number}, level {one.level:.4g}, omega {one.omega:.6g}, H {one.H}, {one.samples} samples: error {one.error:.1e}, "
-            f"bar {one.bar:.1e} ({parts}), mean {one.mean:.1e}, drifts {one.drifts:.2f}, history {one.history:.0e}, states {one.state}, {', '.join(one.kinds)}; "
-            f"{'; '.join(one.notes)}"
+            f"system {result.number}, level {result.level:.4g}, omega {result.omega:.6g}, H {result.H}, {result.samples} samples: error {result.error:.1e}, "
+            f"bar {result.bar:.1e} ({parts}), mean {result.mean:.1e}, drifts {result.drifts:.2f}, history {result.history:.0e}, states {result.state}, {', '.join(result.kinds)}; "
+            f"{'; '.join(result.notes)}"
         )
 
 

@@ -1,10 +1,10 @@
-"""One rank against several: the same scene alone and together, inside one job.
+"""One rank compared with several: the same scene on one rank and on all, inside one job.
 
     PYTHONPATH=solver:tests:meshes mpirun --oversubscribe -n 2 python tests/verification/ranks.py
     PYTHONPATH=solver:tests:meshes mpirun --oversubscribe -n 3 python tests/verification/ranks.py
 
-Every rank solves the scene on its own (COMM_SELF) and then all of them together (COMM_WORLD). The mesh is cut, rows and contact
-pairs are owned by different ranks, sums run in another order: what is left is the error of the solvers.
+Every rank solves the scene on COMM_SELF, and then all ranks solve it on COMM_WORLD. The mesh is partitioned, rows and contact
+pairs are owned by different ranks, sums have another order: the differences are the errors of the solvers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from verification import chain
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, its mesh, and what differs from the other scenes."""
+    """A scene, its mesh, and its differences from the other scenes."""
 
     bodies: dict
     clamp: str
@@ -72,29 +72,29 @@ def write_case(folder: Path, case: Case) -> Path:
 
 @dataclass(frozen=True)
 class Difference:
-    """How far the answers of one rank and of several lie apart."""
+    """Differences between the results of one rank and of several."""
 
     frequencies: float  # largest relative difference
     response: float  # largest difference at the same frequencies, over the peak of their level
-    closure: float  # of the energy, at the worst point
+    closure: float  # energy balance, at the worst point
     states: list[int]  # of the pairs at these frequencies
     shares: list[tuple[int, int]]  # matrix rows and contact pairs of each rank
 
 
 def difference(path: Path, comm) -> Difference:
-    """Solve a scene on ``comm`` and on each rank alone.  Collective on ``comm``; the same answer on every rank."""
-    alone, together = chain.solve(path, MPI.COMM_SELF), chain.solve(path, comm)
+    """Solve a scene on ``comm`` and on COMM_SELF.  Collective on ``comm``; the same result on every rank."""
+    on_one, on_all = chain.solve(path, MPI.COMM_SELF), chain.solve(path, comm)
     response, states = 0.0, set()
-    for a, b in zip(alone.branches, together.branches, strict=True):
+    for a, b in zip(on_one.branches, on_all.branches, strict=True):
         peak = chain.amplitudes(a).max()
         for p, q in zip(chain.requested(a), chain.requested(b), strict=True):
             response = max(response, np.abs(p.response - q.response).max() / peak)
         states |= {int(state) for point in chain.requested(a) for state in point.state}
-    computed = (np.abs(together.model.omega_n / alone.model.omega_n - 1.0).max(), response, together.worst_closure)
+    computed = (np.abs(on_all.model.omega_n / on_one.model.omega_n - 1.0).max(), response, on_all.worst_closure)
     return Difference(
         *(float(comm.allreduce(value, op=MPI.MAX)) for value in computed),
         states=sorted(states),
-        shares=comm.allgather((together.n_rows, together.model.owned.stop - together.model.owned.start)),
+        shares=comm.allgather((on_all.n_rows, on_all.model.owned.stop - on_all.model.owned.start)),
     )
 
 

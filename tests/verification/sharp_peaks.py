@@ -9,7 +9,7 @@ are solved stuck, at the first slip and further on (``--small``: 3 to 5, 1 to 2 
 ``peaks = true``, and with many for reference.  A peak is a local maximum of an output's amplitude above 5 % of the largest of the
 curve.  The points of a curve miss it if none lies at half power or more, and show its height if one lies at 99 % of it.
 ``peaks = true`` locates it if a maximum lies in its half-power range and is at least as high, to 1e-3; those lower by more than
-1e-4 are counted as well: maxima of the sampled law beside the highest one are so close to it.  ``--store`` writes the peaks of the
+1e-4 are counted as well: maxima of the sampled law near the highest one are as close to it.  ``--store`` writes the peaks of the
 reference of some systems to tests/data/sharp_peaks.csv, for the tests.
 """
 
@@ -42,15 +42,15 @@ from microslip.library.prepare import prepare
 from microslip.scene.read import read_scene
 
 STORED = Path(__file__).parent.parent / "data" / "sharp_peaks.csv"
-LEVELS = (0.5, 1.5, 4.0)  # over the one at which the first pair slips at resonance
+LEVELS = (0.5, 1.5, 4.0)  # relative to first slip at resonance
 FAINT, HALF_POWER, HEIGHT = 0.05, 0.7, 0.99
-LOWER, EQUAL = 1e-3, 1e-4  # of a peak of the reference, by which a maximum may be lower; and by which it counts as equal
-BEYOND = 2e-3  # of the frequency, by which it may lie beyond the points of the reference, where the curve turns back
+LOWER, EQUAL = 1e-3, 1e-4  # relative to a peak of the reference: by which a maximum may be lower; up to which it is equal
+BEYOND = 2e-3  # relative to the frequency: how far it may lie beyond the points of the reference, where the curve turns back
 COUNTS = ("peaks", "missed by points", "below 99 % by points", "not located", "lower", "points", "notes")
 
 
 def draw(seed: int, number: int, is_small: bool = False) -> tuple[dict, list[int]]:
-    """Return a system of scenes.py with its levels and band, and its outputs; the same for the same numbers."""
+    """Return a system of scenes.py with its levels, band and outputs, which depends only on the numbers."""
     rng, (sizes, pairs) = np.random.default_rng([seed, number]), ((3, 6), (1, 3)) if is_small else ((6, 21), (1, 5))
     n, m = int(rng.integers(*sizes)), int(rng.integers(*pairs))
     M, K = np.diag(_between(rng, 0.5, 2.0, n)), _stiffness(rng, n)
@@ -90,7 +90,7 @@ def response_of(seed: int, number: int, is_small: bool = False, samples: int = 1
 
 
 def curves(seed: int, number: int, points: list[int], reference: int | None, is_small: bool = False) -> list[list]:
-    """Return the branches of a system at each of some numbers of points, with peaks, and those of the reference, if any, without."""
+    """Return the branches of a system for each number of points, with peaks, and the optional reference without."""
     with response_of(seed, number, is_small) as response:
         settings = [replace(response.settings, points=n, peaks=True) for n in points]
         settings += [] if reference is None else [replace(response.settings, points=reference)]
@@ -103,7 +103,7 @@ def sampled(branch) -> tuple[np.ndarray, np.ndarray]:
 
 
 def peaks(omega: np.ndarray, amplitude: np.ndarray) -> list[tuple[int, float, float]]:
-    """Return point and half-power range of the peaks of a curve, which falls that far on one side of them at least."""
+    """Return point and half-power range of the peaks of a curve, whose sides fall that far on one side at least."""
     inner, values = amplitude[1:-1], []
     for i in 1 + np.flatnonzero((inner > amplitude[:-2]) & (inner >= amplitude[2:]) & (inner > FAINT * amplitude.max())):
         below = np.flatnonzero(amplitude < HALF_POWER * amplitude[i])
@@ -120,7 +120,7 @@ def peaks_of_outputs(branch) -> list[list[tuple[float, float, float]]]:
 
 
 def missing(branch, reference: list[list[tuple[float, float, float]]]) -> np.ndarray:
-    """Return counts of a reference's peaks of all outputs: all, missed and lower by points of a branch, not located, lower."""
+    """Return counts of a reference's peaks of all outputs: all, missed, and lower in a branch; not located, and located lower."""
     omega, amplitude = sampled(branch)
     counts = np.zeros(5, dtype=int)
     for output, (curve, true) in enumerate(zip(amplitude.T, reference, strict=True)):
@@ -139,7 +139,7 @@ def missing(branch, reference: list[list[tuple[float, float, float]]]) -> np.nda
 
 
 def store(seed: int, numbers: list[int], reference: int, is_small: bool) -> None:
-    """Write the peaks of the reference of some systems of one level to the file for the tests."""
+    """Write the reference peaks of some systems of one level to the file for the tests."""
     rows = []
     for number in numbers:
         ((dense,),) = curves(seed, number, [], reference, is_small)

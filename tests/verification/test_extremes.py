@@ -1,4 +1,4 @@
-"""A few cases of every family of the battery of extremes (extremes.py): each is solved, and nothing is wrong without a word."""
+"""A few cases of every family of the battery of extremes (extremes.py): each is solved or fails with a message."""
 
 import dataclasses
 
@@ -9,7 +9,7 @@ from verification import extreme_structures
 from verification.extreme_cases import Case, all_cases, quick_cases
 from verification.extreme_run import SOLVED, run_case, solved
 
-# two small cases of a family and the delicate ones; `make studies` runs four of a family
+# two small cases per family and the delicate ones; `make studies` runs four per family
 FEW = quick_cases(slice(1, None, 2))
 NAMES = {case.name for case in FEW}
 MORE = [pytest.param(case, marks=pytest.mark.study) for case in quick_cases() if case.name not in NAMES]
@@ -19,18 +19,18 @@ def name_of(case):
     return f"{case.family}: {case.name}"
 
 
-def test_the_battery_is_large():
+def test_the_battery_has_300_cases():
     assert len(all_cases()) >= 300
 
 
 @pytest.mark.parametrize("case", [*FEW, *MORE], ids=name_of)
-def test_each_is_solved_or_refused_as_it_should_be(case):
+def test_each_case_is_solved_or_rejected_as_expected(case):
     outcome = run_case(case)
     assert outcome.status == SOLVED or outcome.expected, f"{outcome.status}: {outcome.words}"
 
 
-def test_the_judge_sees_what_is_wrong(tmp_path):
-    """Each part of a point changed by 1e-4 is found out."""
+def test_the_check_detects_wrong_points(tmp_path):
+    """A change of 1e-4 in each part of a point is detected."""
     system = extreme_structures.chain()
     case = Case("", "", extreme_structures.chain)
     (branch,) = solved(tmp_path, system, [1.0], (0.3, 0.7), (), case)

@@ -1,4 +1,4 @@
-"""Scenes with rough surfaces and with an Iwan joint, from their files to the branch, against populations marched in time."""
+"""Scenes with rough surfaces and with an Iwan joint, from their files to the branch, compared with populations marched in time."""
 
 import numpy as np
 import pytest
@@ -20,13 +20,13 @@ LAWS = {
 MORE = (("exponential", 0.25), ("power", 0.8))
 
 
-def one_of_the_laws(name):
-    """Return the laws as parameters; `make studies` runs the others: they differ in the weights of their sliders alone."""
+def parameters_of_laws(name):
+    """Return the laws as parameters; `make studies` runs the others, which differ only in the weights of their sliders."""
     return [pytest.param(law, marks=() if law == name else pytest.mark.study) for law in LAWS]
 
 
 def damped_mass():
-    """The spatial mass with a plain damping matrix, so that a march needs few periods."""
+    """Return the spatial mass with a plain damping matrix, so that a march needs few periods."""
     system = {key: value for key, value in scenes.spatial_mass().items() if key not in ("zeta", "rayleigh")}
     return system | {"C": 0.25 * np.eye(3)}
 
@@ -36,7 +36,7 @@ def load(system, level):
 
     def at(t):
         return level * sum(
-            np.array(one["vector"]) * np.cos(one["harmonic"] * t + one.get("phase", 0.0)) for one in system["loads"]
+            np.array(entry["vector"]) * np.cos(entry["harmonic"] * t + entry.get("phase", 0.0)) for entry in system["loads"]
         )
 
     return at
@@ -45,11 +45,11 @@ def load(system, level):
 @pytest.mark.parametrize(
     "name, level", [("exponential", 0.8), ("iwan", 0.8), *(pytest.param(*of, marks=pytest.mark.study) for of in MORE)]
 )
-def test_a_branch_meets_the_march_in_time(tmp_path, name, level):
+def test_a_branch_agrees_with_the_march_in_time(tmp_path, name, level):
     system, omega = damped_mass(), 1.2
-    own, population = LAWS[name]
+    settings, population = LAWS[name]
     path = write_matrix_scene(tmp_path, system, [level], (0.9, 1.5), at=[omega], points=20, harmonics=H, samples=128)
-    path.write_text(path.read_text().replace('friction_limit = "circle"', own))
+    path.write_text(path.read_text().replace('friction_limit = "circle"', settings))
     (branch,) = branches_of(path, HERE)
     (point,) = requested(branch)
     mu, N0, k_t, k_n = (float(system[key][0]) for key in ("mu", "N0", "k_t", "k_n"))
@@ -62,7 +62,7 @@ def test_a_branch_meets_the_march_in_time(tmp_path, name, level):
 
 
 def two_masses():
-    """Two masses of three DOFs on three rough pairs, the second of which is hardly pressed at rest."""
+    """Return two masses of three DOFs on three rough pairs, the second of which has a small pressure at rest."""
     rng, soft = np.random.default_rng(4), np.diag([0.6, 0.8, 0.5] * 2)
     link = 0.4 * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(3))
     tilt = 0.05 * rng.standard_normal((6, 6))
@@ -88,8 +88,8 @@ def two_masses():
 
 
 @pytest.mark.study
-def test_pairs_pressed_to_many_times_their_preload_meet_the_march_in_time(tmp_path):
-    """6 DOF, 3 pairs, power 2: one is pressed to more than 100 times its preload.  Bars hold, and most of them are the sliders'."""
+def test_pairs_pressed_to_many_times_their_preload_agree_with_the_march_in_time(tmp_path):
+    """6 DOF, 3 pairs, power 2, one pressed to more than 100 times its preload.  Error bars are valid, mostly due to the sliders."""
     system, omega, level = two_masses(), 1.0, 1.5
     path = write_matrix_scene(
         tmp_path, system, [level], (0.8, 1.2), at=[omega], outputs=[3, 5], points=10, harmonics=15, samples=256
@@ -111,9 +111,9 @@ def test_pairs_pressed_to_many_times_their_preload_meet_the_march_in_time(tmp_pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", one_of_the_laws("power"))
-def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
-    """The sum of the parts is close to the error itself; both with the elements that stand for a population in the scene."""
+@pytest.mark.parametrize("name", parameters_of_laws("power"))
+def test_error_bars_bound_the_effect_of_harmonics_and_samples(tmp_path, name):
+    """The sum of the parts is close to the error; both with the elements that represent a population in the scene."""
     at = [1.0, 1.15, 1.3, 1.5]
     path = write_matrix_scene(
         tmp_path, damped_mass(), [0.8], (0.95, 1.55), at=at, points=10, harmonics=3, samples=64, outputs=[0, 2]
@@ -131,9 +131,9 @@ def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", one_of_the_laws("iwan"))
-def test_error_bars_know_the_number_of_sliders(tmp_path, name):
-    """That part is close to what far more elements change."""
+@pytest.mark.parametrize("name", parameters_of_laws("iwan"))
+def test_error_bars_include_the_number_of_sliders(tmp_path, name):
+    """That part is close to the change by many more elements."""
     at = [1.0, 1.15, 1.3, 1.5]
     path = write_matrix_scene(
         tmp_path, damped_mass(), [0.8], (0.95, 1.55), at=at, points=10, harmonics=5, samples=64, outputs=[0, 2]
@@ -146,13 +146,13 @@ def test_error_bars_know_the_number_of_sliders(tmp_path, name):
         computed.append([values[level.requested > 0] for values in (level.response, level.error)])
     (coarse, parts), (fine, _) = computed
     true = np.abs((coarse - fine)[..., 1] - 1j * (coarse - fine)[..., 2])
-    told = parts[..., PARTS.index("sliders")]
-    assert np.all(true < total(parts)) and 0.5 < np.median(told / true) < 2.0, told / true
+    part = parts[..., PARTS.index("sliders")]
+    assert np.all(true < total(parts)) and 0.5 < np.median(part / true) < 2.0, part / true
     assert np.median(true) > 1e-4 * np.abs(fine).max()
 
 
 @pytest.mark.parametrize("name, law", [("iwan", "chi = -0.5\nbeta = 0.4\nsliders = 400"), ("rough", "sliders = 300")])
-def test_a_constant_load_is_carried_as_closed_forms_say(tmp_path, name, law):
+def test_a_constant_load_has_the_closed_form_displacement(tmp_path, name, law):
     """K u + T(u) = f along x, K u + f_z(u) = f along z: one step of loading from rest."""
     mu, N0, k_t, k_n = 0.4, 1.0, 1.5, 2.5
     along_x, along_z = {"vector": [0.5, 0.0, 0.0], "harmonic": 0}, {"vector": [0.0, 0.0, 0.6], "harmonic": 0}

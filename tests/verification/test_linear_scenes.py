@@ -1,4 +1,4 @@
-"""Structures without a joint against theory; tests/verification/linear_scenes.py prints the whole tables."""
+"""Structures without a joint compared with theory; tests/verification/linear_scenes.py prints the whole tables."""
 
 import numpy as np
 from mpi4py import MPI

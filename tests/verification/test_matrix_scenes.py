@@ -1,4 +1,4 @@
-"""Scenes given as matrices, from their files to the branch: against direct time integration, each other, and a mesh."""
+"""Scenes given as matrices, from their files to the branch, compared with direct time integration, each other, and a mesh."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,13 @@ from microslip.observe.log import RunLog
 from microslip.scene.read import read_scene
 
 HERE = MPI.COMM_SELF
-H, N_SAMPLES = 15, 512  # the sampled law turns the direction of slip with an error of 4e-3 of the peak at 512 samples
+H, N_SAMPLES = 15, 512  # the sampled law has an error of 4e-3 of the peak at 512 samples where the direction of slip rotates
 # band [rad/s] in which the branch is followed, steps a period of the march
 CASES = {"jenkins": ((1.0, 1.4), 512), "spatial": ((0.8, 1.6), 256), "chain": ((500.0, 700.0), 256), "gap": ((0.7, 1.35), 256)}
 
 
 def solved(folder, system, band, regimes, **solver):
-    """Return the points of the branches at the frequency of each regime; several where the branch folds."""
+    """Return the points of the branches at the frequency of each regime; several points where the branch folds."""
     levels, at = ({regime[i] for regime in regimes} for i in (0, 1))
     path = write_matrix_scene(
         folder,
@@ -49,21 +49,21 @@ def difference(point, march):
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name == "chain" else pytest.mark.study) for name in CASES]
 )
-def test_from_stuck_to_gross_slip_and_lift_off_as_time_integration_from_rest(tmp_path, name):
+def test_stuck_slip_and_lift_off_agree_with_time_integration_from_rest(tmp_path, name):
     system, (band, n_steps) = scenes.SCENES[name](), CASES[name]
     regimes = list(system["levels"].values())
     for (level, omega, states), points in zip(regimes, solved(tmp_path, system, band, regimes)):
         march = time_integration.steady_state(
             system, omega, level, n_steps=n_steps, harmonics=H, tolerance=3e-5, scheme="explicit"
         )
-        point = min(points, key=lambda point: difference(point, march))  # of several solutions, the one reached from rest
+        point = min(points, key=lambda point: difference(point, march))  # of several solutions, that reached from rest
         assert difference(point, march) < 5e-3
         assert tuple(point.state) == tuple(march.state) == states
         assert point.energy == pytest.approx(march.friction, abs=1e-2 * march.input)
 
 
-def test_the_state_beyond_the_fold_lasts(tmp_path):
-    """The highest of three solutions: time integration begun on it stays."""
+def test_the_solution_beyond_the_fold_is_steady_in_time_integration(tmp_path):
+    """The highest of three solutions: time integration from it remains there."""
     system = scenes.gap_mass()
     regime = system["levels"]["two states"]
     (points,) = solved(tmp_path, system, CASES["gap"][0], [regime])
@@ -79,8 +79,8 @@ def test_the_state_beyond_the_fold_lasts(tmp_path):
     assert difference(point, march) < 5e-3
 
 
-def test_dampers_between_masses_as_time_integration(tmp_path):
-    """A damping matrix that couples the modes: dampers from the first mass to the ground and between the others only."""
+def test_dampers_between_masses_agree_with_time_integration(tmp_path):
+    """A damping matrix that couples the modes: dampers from the first mass to the ground and between the others."""
     system = scenes.chain()
     del system["zeta"]
     link = np.kron([[0.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 1.0]], np.diag([40.0, 15.0, 30.0]))
@@ -93,7 +93,7 @@ def test_dampers_between_masses_as_time_integration(tmp_path):
     assert point.damping == pytest.approx(march.viscous, rel=1e-2)
 
 
-def test_every_method_finds_the_same_points(tmp_path):
+def test_every_method_has_the_same_points(tmp_path):
     system = scenes.chain()
     regimes = [system["levels"]["micro"]]
     ((exact,),) = solved(tmp_path, system, (520.0, 600.0), regimes)
@@ -119,7 +119,7 @@ MESH_SCENE = (
 
 
 def exported(structure) -> dict:
-    """Return K, M, pairs and loads of a mesh as another program would write them: contact nodes in the pairs' axes."""
+    """Return K, M, pairs and loads of a mesh as another program would write them: contact nodes in the axes of the pairs."""
     system, pairs = structure.linearised.system, structure.pairs
     K, M = (sp.csr_matrix(A.getValuesCSR()[::-1], A.getSize()) for A in (system.K, system.M))
     turn = sp.lil_matrix(sp.identity(system.n_dof))
@@ -149,7 +149,7 @@ def exported(structure) -> dict:
 
 @pytest.mark.study
 def test_matrices_of_a_mesh_give_its_curve(tmp_path):
-    """A bar on a plate, with its matrices written to files; a pair a contact node."""
+    """A bar on a plate, with its matrices written to files; one pair per contact node."""
     write_msh(str(tmp_path / "bar.msh"), stacked("hex20", (0.1, 0.01, 0.01), (8, 2, 1), ground_height=0.002))
     path = tmp_path / "mesh.toml"
     path.write_text(MESH_SCENE)

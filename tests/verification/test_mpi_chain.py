@@ -1,4 +1,4 @@
-"""One rank against all of them on whole scenes; tests/verification/ranks.py prints the numbers."""
+"""One rank compared with all ranks on whole scenes; tests/verification/ranks.py prints the numbers."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ COMM = MPI.COMM_WORLD
 # with three ranks, one owns none of the 36 rows of "two hex8"
 @pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("name", ["two hex8", "lap joint of tet4"])
-def test_ranks_together_agree_with_one_alone(name, shared_path):
+def test_results_of_all_ranks_agree_with_those_of_one(name, shared_path):
     case = ranks.CASES[name]
     if name == "two hex8":  # the rising flank at one level
         case = replace(case, response=case.response | {"levels": [3.0], "frequencies": [6700.0, 6880.0], "points": 6})
@@ -23,4 +23,4 @@ def test_ranks_together_agree_with_one_alone(name, shared_path):
     assert computed.frequencies < 1e-9
     assert computed.response < 1e-6
     assert computed.closure < 1e-6
-    assert computed.states == [0, 1]  # some pairs slip: not only a linear curve was compared
+    assert computed.states == [0, 1]  # some pairs slip: the comparison is not of a linear curve only

@@ -1,4 +1,4 @@
-"""A disc from one sector, [cyclic], beside the ring in full that today's program builds of all sectors; on any number of ranks."""
+"""A disc from one sector, [cyclic], compared with the full ring built from all sectors; on any number of ranks."""
 
 import csv
 
@@ -32,7 +32,7 @@ N_DOF, N_SHROUDED = 54, 90  # of a sector of hex8, without and with shrouds
 
 
 def end(modes, levels=(10.0,), frequencies=(1400.0, 1500.0), points=(), **solver):
-    """Return the tables of what is solved for."""
+    """Return the tables of damping, response and solver."""
     more = "".join(f"{key} = {str(value).lower()}\n" for key, value in ({"harmonics": 3, "error_bars": False} | solver).items())
     stated = f"at = {list(points)}\n" if points else ""
     return (
@@ -48,8 +48,8 @@ def built(write, folder, *args, **how):
 
 @pytest.mark.study
 @pytest.mark.parametrize("order", [3, -2])
-def test_a_wave_in_the_other_direction_takes_as_many_modes_as_its_mirror_image(shared_path, order):
-    """Its harmonic 1 has the conjugate matrices of nodal diameter 2, of which the modes are computed."""
+def test_a_wave_in_the_other_direction_has_the_modes_of_its_mirror_image(shared_path, order):
+    """Its harmonic 1 has the conjugate matrices of nodal diameter 2, whose modes are computed."""
     by_accuracy = end(1, harmonics=3, error_bars=True).replace("modes = 1\n", "accuracy = 0.01\n")
     waves = [built(write_sector, shared_path, 5, by_accuracy, wave={"engine_order": h}) for h in (order, 2)]
     numbers = [[len(wave.per_group.of(n).omega_n) for n in (1, 2, 3)] for wave in waves]
@@ -77,14 +77,14 @@ def test_modes_of_all_nodal_diameters_are_those_of_the_ring(shared_path, N, kind
     n = 5 * N
     np.testing.assert_allclose(omega_n[:n], ring.omega_n[:n], rtol=1e-11)
     for d in range(1, (N + 1) // 2):
-        one, other = of_diameters[d], of_diameters[N - d]
-        np.testing.assert_array_equal(one.projected.R_phi.conj(), other.projected.R_phi)
-        assert one.linearised is other.linearised  # one factor for both directions
+        forward, backward = of_diameters[d], of_diameters[N - d]
+        np.testing.assert_array_equal(forward.projected.R_phi.conj(), backward.projected.R_phi)
+        assert forward.linearised is backward.linearised  # one factor for both directions
     sector.close()
     ring.close()
 
 
-def test_complex_modes_are_orthonormal_and_proved_complete(shared_path):
+def test_complex_modes_are_orthonormal_and_verified_complete(shared_path):
     how = {"divisions": (2, 2, 2), "span": 3}
     sector = built(write_sector, shared_path, 7, end(10), "hex20", how=how)
     assert sector.is_complex and sector.n_dof > 700 and sector.n_proved >= 10
@@ -107,7 +107,7 @@ WAVES = [  # engine orders N/2, 1, 2 and N + 1; stuck, and where sliding pairs s
 
 
 def response_at(shared_path, write, modes, frequency, level, **how):
-    """Return the output's coefficients at a frequency, the number of pairs that slip there, and the loss by damping.  Collective."""
+    """Return the output's coefficients at a frequency, the number of pairs that slip, and the loss by damping.  Collective."""
     near = (0.995 * frequency, 1.005 * frequency)
     solved = end(modes, (level,), near, (frequency,), tolerance=1e-10, samples=120)
     structure = built(write, shared_path, how.pop("N"), solved, **how)
@@ -128,7 +128,7 @@ def test_the_response_is_that_of_the_ring(shared_path, N, h, frequency, level, f
     np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
 
 
-REST = [  # the last one without mean and second harmonic
+REST = [  # the last case without mean and second harmonic
     pytest.param(6, 3, False, 1416.0, 20.0, 0.3, 3, marks=pytest.mark.ranks(1)),
     (5, 1, True, 1000.0, 30.0, 0.1, 3),
     pytest.param(5, 1, False, 1436.0, 20.0, 0.1, [1, 3], marks=pytest.mark.ranks(1)),
@@ -136,8 +136,10 @@ REST = [  # the last one without mean and second harmonic
 
 
 @pytest.mark.parametrize(("N", "h", "shroud", "frequency", "level", "friction", "harmonics"), REST)
-def test_the_wave_solves_the_ring_where_sliders_rest_after_slip(shared_path, N, h, shroud, frequency, level, friction, harmonics):
-    """Sliders of each sector start at its phase, with any number of samples.  From 0 in all of them the ring is no wave."""
+def test_the_wave_solves_the_ring_with_sliders_at_rest_after_slip(
+    shared_path, N, h, shroud, frequency, level, friction, harmonics
+):
+    """Sliders of each sector start at its phase, with any number of samples.  With start 0 in all sectors the ring is no wave."""
     n_dof, how = N_SHROUDED if shroud else N_DOF, {"friction": friction, "how": {"shroud": shroud}}
     solved = end(
         n_dof, (level,), (0.999 * frequency, 1.001 * frequency), (frequency,), tolerance=1e-11, samples=64, harmonics=harmonics
@@ -161,7 +163,7 @@ def test_the_wave_solves_the_ring_where_sliders_rest_after_slip(shared_path, N, 
 
 @pytest.mark.ranks(1)
 def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):
-    """The shrouds slide on those of the next sectors."""
+    """The shrouds slide on those of the neighbouring sectors."""
     h, how = 1, {"N": 5, "friction": 0.05, "how": {"shroud": True}}
     sector, n_slip, _ = response_at(shared_path, write_sector, N_SHROUDED, 1000.0, 50.0, wave={"engine_order": h}, **how)
     ring, n_slip_of_ring, _ = response_at(shared_path, write_ring, 5 * N_SHROUDED, 1000.0, 50.0, h=h, **how)
@@ -169,8 +171,8 @@ def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):
     np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
 
 
-def test_dampers_between_two_blades_are_those_of_the_ring(shared_path):
-    """A body of the sector slides on the blade of this sector and on that of the next one; nothing else holds it."""
+def test_the_response_with_dampers_between_blades_is_that_of_the_ring(shared_path):
+    """A body of the sector slides on the blade of this sector and of the next; it has no other support."""
     how, n_dof = {"N": 4, "friction": 0.05, "how": {"damper": True}}, 90
     sector, n_slip, _ = response_at(shared_path, write_sector, n_dof, 1540.0, 20.0, wave={"engine_order": 1}, **how)
     ring, n_slip_of_ring, _ = response_at(shared_path, write_ring, 4 * n_dof, 1540.0, 20.0, h=1, **how)
@@ -179,29 +181,29 @@ def test_dampers_between_two_blades_are_those_of_the_ring(shared_path):
 
 
 @pytest.mark.ranks(1)
-def test_a_wave_is_that_of_its_alias_and_takes_as_much_power_as_the_one_in_the_other_direction(shared_path):
-    """h and h + N are one wave; under one force the power of h and -h is the same by reciprocity, stuck."""
+def test_a_wave_equals_its_alias_and_has_the_power_of_the_opposite_wave(shared_path):
+    """h and h + N are one wave; the power of h and -h under the same force is equal by reciprocity, if stuck."""
     by_key = {h: response_at(shared_path, write_sector, N_DOF, 1420.0, 0.01, wave={"engine_order": h}, N=5) for h in (2, -2, 3)}
     for k in range(3):
         np.testing.assert_allclose(by_key[3][k], by_key[-2][k], rtol=1e-12, atol=1e-12 * np.abs(by_key[3][k]).max())
     assert by_key[2][2] == pytest.approx(by_key[-2][2], rel=1e-11) and by_key[2][2] > 0.0
     assert (
         np.abs(by_key[2][0] - by_key[-2][0]).max() > 1e-3 * np.abs(by_key[2][0]).max()
-    )  # of an output beside the force it differs
+    )  # an output at another point than the force differs
 
 
 def refused(shared_path, **how) -> str:
-    """Return the message of a sector that is refused.  Collective."""
+    """Return the message of a rejected sector.  Collective."""
     wave, keys = how.pop("wave", {"engine_order": 1}), how.pop("solver", {})
     extra = how.pop("extra", "")
-    with pytest.raises(MicroslipError) as caught:
+    with pytest.raises(MicroslipError) as error:
         built(write_sector, shared_path, how.pop("N", 5), extra + end(8, **keys), wave=wave, **how)
     COMM.Barrier()  # each rank has read the file before it is written again
-    return str(caught.value)
+    return str(error.value)
 
 
-def test_what_fits_no_disc_is_refused_in_one_message(shared_path):
-    """Faces, numbers of sectors, waves, supports, and what a disc cannot have."""
+def test_inputs_that_are_no_disc_are_rejected_with_one_message(shared_path):
+    """Faces, numbers of sectors, waves, supports, and options that a disc does not support."""
     swapped = refused(shared_path, faces=["high0", "low0"])
     assert "lie farther than" in swapped and "swap the two faces" in swapped
     assert "72 degrees apart, which is that of 5 sectors" in refused(shared_path, sectors=6)
@@ -220,8 +222,8 @@ def test_what_fits_no_disc_is_refused_in_one_message(shared_path):
     assert "harmonics = 0 is a static equilibrium" in refused(shared_path, solver={"harmonics": 0})
 
 
-def test_a_wave_and_the_one_in_the_other_direction_share_all_of_it():
-    """h and N - h: the words of the guide for one wave number."""
+def test_engine_order_and_nodal_diameter_give_the_wave_number():
+    """Wave numbers h and N - h: the words of the guide for one wave."""
     from microslip.tables.cyclic import Cyclic
 
     def wave(**keys):
@@ -245,7 +247,7 @@ RADII = (1.0, 1.1, 1.2)
 
 
 def write_chain(folder, h, force, omega):
-    """Write a rigid block that moves along the axis alone, joined to the next by a spring (k_c, no slip) and by friction."""
+    """Write a rigid block that moves along the axis, joined to the next block by a spring (k_c, no slip) and by friction."""
     alpha, bodies, areas = 2.0 * np.pi / 12, [], []
     for name, r0, r1 in zip(("spring", "friction"), RADII, RADII[1:]):
 
@@ -261,7 +263,7 @@ def write_chain(folder, h, force, omega):
     path = folder / f"chain_{h}_{force}.toml"
     path.write_text(
         table("model", mesh="chain.msh")
-        + steel("block", young=1.0, density=1.0 / volume)  # soft, or rounding of its stiffness shows beside k
+        + steel("block", young=1.0, density=1.0 / volume)  # soft, to avoid rounding errors of its stiffness relative to k
         + hub
         + '[[supports]]\npoint = "hub"\nfix = ["x", "y", "rx", "ry", "rz"]\n'
         + joint("spring_high", "spring_low", name="spring", friction=1e6, k_t=0.25 / areas[0], preload=1.0)
@@ -323,7 +325,7 @@ THICK_RING = (205.1270, 209.997517, 1104.245, 1116.079)  # VALIDATION: n = 2 out
 
 
 def write_thick_ring(folder, N=6, kind="hex20", divisions=(3, 16, 3), shift=0.0):
-    """Write Code_Aster's SDLS109, free: a sector of it; with a ``shift`` the nodes of its high face lie elsewhere."""
+    """Write a sector of Code_Aster's SDLS109, free; a ``shift`` moves the nodes of its high face."""
     alpha, r, t, w = 2.0 * np.pi / N, 0.369, 0.048, 0.05
 
     def mapping(u, v, z):
@@ -352,22 +354,22 @@ def test_a_free_ring_has_the_frequencies_of_elasticity(shared_path):
 
 
 def frequencies_of_thick_ring(shared_path, n, shift):
-    """Return those of a twelfth of it by n x n x n hex8, nodal diameter 2.  Collective."""
+    """Return the frequencies of a twelfth of the ring by n x n x n hex8, nodal diameter 2.  Collective."""
     structure = built(write_thick_ring, shared_path, 12, "hex8", (n, n, n), shift)
     structure.close()
     return structure.omega_n
 
 
 @pytest.mark.ranks(1)
-def test_faces_that_are_not_meshed_alike_converge_to_those_that_are(shared_path):
-    """Nodes of the high face on the facets of the low one: measured 4.2e-3 and 6.1e-4 at h and h / 3, nearly second order."""
+def test_faces_with_different_meshes_converge_to_matched_faces(shared_path):
+    """Nodes of the high face on the facets of the low face: measured 4.2e-3 and 6.1e-4 at h and h / 3, nearly second order."""
     of_meshes = [[frequencies_of_thick_ring(shared_path, n, shift) for shift in (0.0, 0.4)] for n in (2, 6)]
     coarse, fine = (np.abs(unlike / alike - 1.0).max() for alike, unlike in of_meshes)
     assert coarse < 5e-3 and fine < coarse / 5.0
 
 
-def test_faces_that_are_not_meshed_alike_follow_linear_motions_exactly(shared_path):
-    """A motion that turns with the sectors, linear in the place: the high face moves as its own nodes do."""
+def test_faces_with_different_meshes_follow_linear_motions_exactly(shared_path):
+    """A motion that rotates with the sectors and is linear in the position: the high face moves as its own nodes do."""
 
     def deviation():
         scene = read_scene(write_thick_ring(shared_path, 7, "hex20", (2, 2, 1), 0.4))
@@ -383,19 +385,19 @@ def test_faces_that_are_not_meshed_alike_follow_linear_motions_exactly(shared_pa
 
 @pytest.mark.pictures
 @pytest.mark.ranks(1)
-def test_the_program_shows_the_modes_of_every_nodal_diameter(shared_path, program):
-    """Table, diagram and shapes on all sectors; frequencies are those of the structures of the diameters."""
+def test_the_program_writes_the_modes_of_every_nodal_diameter(shared_path, program):
+    """The table, diagram and shapes on all sectors; frequencies are those of the structures of the diameters."""
     path = on_root(COMM, lambda: write_sector(shared_path, 5, end(4)))
-    status, _, said = program("modes", str(path), "--out", str(shared_path / "out"), "--speeds", "100,300")
-    assert status == 0, said
+    status, _, messages = program("modes", str(path), "--out", str(shared_path / "out"), "--speeds", "100,300")
+    assert status == 0, messages
     COMM.barrier()
     with open(shared_path / "out" / "modes.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["nodal_diameter"]) for row in rows] == [0] * 4 + [1] * 4 + [2] * 4
     sector = build(read_scene(path), COMM)
     for d in range(3):
-        told = [float(row["frequency_Hz"]) for row in rows if row["nodal_diameter"] == str(d)]
-        np.testing.assert_allclose(told, sector.per_group.of_group(d).omega_n[:4] / (2.0 * np.pi), rtol=1e-8)
+        frequencies = [float(row["frequency_Hz"]) for row in rows if row["nodal_diameter"] == str(d)]
+        np.testing.assert_allclose(frequencies, sector.per_group.of_group(d).omega_n[:4] / (2.0 * np.pi), rtol=1e-8)
     assert {"interference.png", "modes_diameter_00.vtkhdf", "modes_diameter_02.vtkhdf"} <= {
         file.name for file in (shared_path / "out").iterdir()
     }
@@ -403,12 +405,12 @@ def test_the_program_shows_the_modes_of_every_nodal_diameter(shared_path, progra
 
 
 def test_a_run_writes_fields_of_all_sectors(shared_path, program):
-    """The motion of sector s is that of sector 0, turned, with the phase of its harmonic."""
+    """The motion of sector s is that of sector 0, rotated, with the phase of its harmonic."""
     N, h = 5, 2
     scene = end(8, levels=(0.01,), frequencies=(1410.0, 1430.0))
     path = on_root(COMM, lambda: write_sector(shared_path, N, scene, wave={"engine_order": h}))
-    status, _, said = program("run", str(path), "--out", str(shared_path / "out"))
-    assert status == 0, said
+    status, _, messages = program("run", str(path), "--out", str(shared_path / "out"))
+    assert status == 0, messages
     COMM.barrier()
     fields = read_fields(str(shared_path / "out" / "results.h5"))
     (motion,) = fields.peaks.values()
@@ -423,12 +425,12 @@ def test_a_run_writes_fields_of_all_sectors(shared_path, program):
     np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
 
 
-def test_time_integration_of_the_whole_ring_gives_the_wave(shared_path, program):
+def test_time_integration_of_the_whole_ring_confirms_the_wave(shared_path, program):
     """`verify` marches the pairs of all sectors; measured 3.8e-4 of the peak, its error in time 1.5e-4; harmonics above 1 7.5e-4."""
     solved = end(6, (85.0,), (1430.0, 1440.0), (1436.0,), harmonics=7, samples=120).replace("ratio = 0.01", "ratio = 0.03")
     path = on_root(COMM, lambda: write_sector(shared_path, 3, solved, friction=0.05))
-    status, _, said = program("verify", str(path), "--out", str(shared_path / "out"), "--at", "1436", "--steps", "64")
-    assert status == 0, said
+    status, _, messages = program("verify", str(path), "--out", str(shared_path / "out"), "--at", "1436", "--steps", "64")
+    assert status == 0, messages
     COMM.barrier()
     with open(shared_path / "out" / "verify.csv", encoding="utf-8", newline="") as file:
         (row,) = csv.DictReader(file)
@@ -449,11 +451,11 @@ def test_an_output_in_another_sector_is_that_of_the_whole_disc(shared_path):
         is_whole: built(write_sector, shared_path, 5, solved, wave={"engine_order": 2, "whole": is_whole})
         for is_whole in (False, True)
     }
-    one, every = respond(of[False]), respond(of[True])
+    of_sector, of_disc = respond(of[False]), respond(of[True])
     for sector in (0, 1, 3):
-        expected, computed = every[f"tip {sector}"].coefficients, one.in_sector("tip", sector).coefficients
+        expected, computed = of_disc[f"tip {sector}"].coefficients, of_sector.in_sector("tip", sector).coefficients
         np.testing.assert_allclose(computed[0, 0], expected[0, 0], atol=1e-9 * np.abs(expected[0, 0]).max())
-    for response, wrong in ((one, 5), (every, 0)):
+    for response, wrong in ((of_sector, 5), (of_disc, 0)):
         with pytest.raises(MicroslipError, match="in_sector: "):
             response.in_sector(response.outputs[0], wrong)
     for structure in of.values():

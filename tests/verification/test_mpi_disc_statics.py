@@ -1,4 +1,4 @@
-"""The state of rest of a disc from one sector, and the vibration about it, beside the ring in full; on any number of ranks."""
+"""The state of rest of a disc from one sector and the vibration about it, compared with the full ring; on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ AXIS = "axis = [0.0, 0.0, 1.0]\n"
 
 
 def end(statics, modes, frequency, level, **solver):
-    """Return [statics] and the tables of what is solved for."""
+    """Return [statics] and the tables of damping, response and solver."""
     keys = {"harmonics": 3, "error_bars": False, "tolerance": 1e-10, "samples": 120} | solver
     near = [0.998 * frequency, 1.002 * frequency]
     return (
@@ -86,7 +86,7 @@ def test_rest_and_vibration_are_those_of_the_ring(shared_path, name):
     size = np.abs(at_rest).max()
     np.testing.assert_allclose(forces_at_rest(ring.pairs), at_rest, atol=1e-8 * size)
     joints, bodies = sector.balance.joints, sector.balance.bodies
-    n = 3 if "large" in name else 6  # moments in the deformed shape are of the order of its turns
+    n = 3 if "large" in name else 6  # moments in the deformed shape are of the order of its rotations
     assert np.abs((joints.on_first + joints.on_second)[:, :n]).max() < 1e-9 * joints.size.max()
     assert np.abs(bodies.left).max() < 1e-9 * bodies.size.max()
     omega_n = np.sort(np.concatenate([sector.per_group.of_group(d).omega_n for d in range(N)]))
@@ -101,12 +101,12 @@ def test_rest_and_vibration_are_those_of_the_ring(shared_path, name):
 
 @pytest.mark.pictures
 @pytest.mark.ranks(1)
-def test_the_program_shows_frequencies_at_speed_of_every_nodal_diameter(shared_path, program):
-    """Those of the structures at these speeds, which stiffen, and the orders that excite each diameter."""
+def test_the_program_writes_frequencies_at_speed_of_every_nodal_diameter(shared_path, program):
+    """The frequencies are those of the structures at these speeds, with stress stiffening, and the orders excite each diameter."""
     N, scene = 5, end(PRESSED, 4, 1420.0, 1.0)
     path = on_root(COMM, lambda: write_sector(shared_path, N, scene, preload=2e7))
-    status, _, said = program("modes", str(path), "--out", str(shared_path / "out"), "--speeds", "100,300,450")
-    assert status == 0, said
+    status, _, messages = program("modes", str(path), "--out", str(shared_path / "out"), "--speeds", "100,300,450")
+    assert status == 0, messages
     COMM.barrier()
     table = np.genfromtxt(shared_path / "out" / "campbell.csv", delimiter=",", names=True)
     np.testing.assert_array_equal(table["nodal_diameter"], np.repeat([0, 1, 2], 3))
@@ -126,13 +126,13 @@ def test_the_program_shows_frequencies_at_speed_of_every_nodal_diameter(shared_p
     }
 
 
-def test_a_run_shows_the_disc_at_rest_and_continues(shared_path, program):
-    """The displacement at rest of all sectors, turned, in results.h5; a second run takes the structures of the first."""
+def test_a_run_writes_the_disc_at_rest_and_continues(shared_path, program):
+    """The displacement at rest of all sectors, rotated, in results.h5; a second run uses the structures of the first."""
     N = 5
     path = on_root(COMM, lambda: write_sector(shared_path, N, end(PRESSED, 6, 1420.0, 1.0), preload=2e7))
     for _ in range(2):
-        status, _, said = program("run", str(path), "--out", str(shared_path / "out"))
-        assert status == 0, said
+        status, _, messages = program("run", str(path), "--out", str(shared_path / "out"))
+        assert status == 0, messages
         COMM.barrier()
     results, fields = (read(str(shared_path / "out" / "results.h5")) for read in (read_results, read_fields))
     n, alpha = len(fields.mesh.points) // N, 2.0 * np.pi / N

@@ -28,8 +28,8 @@ error_bars = false
 
 
 @pytest.mark.ranks(1)
-def test_a_list_is_what_is_solved_for(shared_path):
-    """[0, 1, 2, 3] is 3; [1, 3] has no mean and no second harmonic, and another solution, as this joint also moves normally."""
+def test_only_listed_harmonics_are_solved_for(shared_path):
+    """[0, 1, 2, 3] equals 3; [1, 3] has no mean, no second harmonic, and another solution, as this joint also moves normally."""
     text = END + "harmonics = [1, 3]\n"
     structure = build(read_scene(on_root(COMM, lambda: write_sector(shared_path, 5, text, friction=0.05))), COMM)
     some, listed, up_to_3 = (
@@ -44,15 +44,15 @@ def test_a_list_is_what_is_solved_for(shared_path):
     assert 1e-6 < change < 0.2
 
 
-def test_lists_that_leave_out_what_is_needed_are_refused(shared_path):
-    def said(solver: str) -> str:
+def test_lists_without_necessary_harmonics_are_rejected(shared_path):
+    def message(solver: str) -> str:
         path = on_root(COMM, lambda: write_sector(shared_path, 5, END.replace("error_bars = false\n", "") + solver))
-        with pytest.raises(MicroslipError) as caught:
+        with pytest.raises(MicroslipError) as error:
             read_scene(path)
-        return str(caught.value)
+        return str(error.value)
 
-    assert "has no harmonic 1" in said("harmonics = [0, 2]\n")
-    assert "an ascending list of harmonics" in said("harmonics = [3, 1]\n")
-    assert "an ascending list of harmonics" in said("harmonics = []\n")
-    assert "state error_bars = false, or harmonics = 3" in said("harmonics = [1, 3]\n")
-    assert "do not resolve harmonics = 40" in said("harmonics = [1, 40]\n")
+    assert "has no harmonic 1" in message("harmonics = [0, 2]\n")
+    assert "an ascending list of harmonics" in message("harmonics = [3, 1]\n")
+    assert "an ascending list of harmonics" in message("harmonics = []\n")
+    assert "state error_bars = false, or harmonics = 3" in message("harmonics = [1, 3]\n")
+    assert "do not resolve harmonics = 40" in message("harmonics = [1, 40]\n")

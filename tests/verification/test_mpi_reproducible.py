@@ -1,4 +1,4 @@
-"""The same scene alone, on all ranks together and in groups of ranks: the same curves, by every method (docs/reliability.md)."""
+"""The same scene on one rank, on all ranks and in groups of ranks: the same curves, by every method (docs/reliability.md)."""
 
 import numpy as np
 import pytest
@@ -15,26 +15,26 @@ from microslip.studies.diff.report import text_of
 
 pytestmark = pytest.mark.ranks(2, 3)
 
-TOLERANCE = 1e-9  # of the peak, where points are solved to a residual of 1e-10; 1e-12 is found
-OF_MODES = 1e-10  # of a natural frequency
-AT = (4610.0, 4650.0, 4720.0)  # Hz: points of every curve, pairs slip there
+TOLERANCE = 1e-9  # relative to the peak, with a residual of 1e-10; differences are 1e-12
+OF_MODES = 1e-10  # relative to a natural frequency
+AT = (4610.0, 4650.0, 4720.0)  # Hz: points of every curve at which pairs slip
 ON_TWO = ("receptance", "adaptive", "full", "rubin")  # test_mpi_methods.py compares all of them with full on one and two ranks
 
 
 @pytest.fixture(scope="module")
 def structures(comm, tmp_path_factory):
-    """The bar of one joint, on this rank alone and on all together."""
+    """Return the bar with one joint, on this rank and on all ranks."""
     folder = comm.bcast(tmp_path_factory.mktemp("reproducible"))
     path = on_root(comm, lambda: write_bar(folder, modes=12, harmonics=3, samples=64, tolerance=1e-10))
     scene = changed(microslip.read(path), {"response": {"levels": (38.0,), "points": 5, "at": AT}})
-    with microslip.build(scene, MPI.COMM_SELF) as alone, microslip.build(scene, comm) as together:
-        yield alone, together
+    with microslip.build(scene, MPI.COMM_SELF) as on_one, microslip.build(scene, comm) as on_all:
+        yield on_one, on_all
 
 
 def assert_same(comm, computed: Difference) -> None:
-    """Check on every rank, whose own result is that of all.
+    """Check on every rank, whose result is that of all ranks.
 
-    Rounding may decide whether a step is repeated: then the other points lie elsewhere on the same curve.
+    Rounding may decide whether a step is repeated: then the other points have other positions on the same curve.
     """
     says = text_of(computed)
     assert not any(computed.only) and all(level.is_whole for level in computed.levels), says
@@ -54,7 +54,7 @@ def assert_same(comm, computed: Difference) -> None:
 
 
 def assert_same_at(a, b) -> None:
-    """Check two curves where both have a point."""
+    """Check two curves at their common points."""
     (at_a, at_b), peak = (level.response[np.flatnonzero(level.requested), 0] for level in (a, b)), np.abs(a.response[:, 0]).max()
     assert len(at_a) == len(at_b) == len(AT)
     assert np.abs(at_b - at_a).max() <= TOLERANCE * peak
@@ -62,13 +62,15 @@ def assert_same_at(a, b) -> None:
 
 @pytest.mark.parametrize("method", [one if one in ON_TWO else pytest.param(one, marks=pytest.mark.ranks(3)) for one in METHODS])
 def test_one_rank_and_several_give_the_same_curves(comm, structures, method):
-    alone, together = (microslip.respond(structure, method=method, error_bars=False) for structure in structures)
-    comparison = compared(alone.results, together.results, TOLERANCE)
+    on_one, on_all = (microslip.respond(structure, method=method, error_bars=False) for structure in structures)
+    comparison = compared(on_one.results, on_all.results, TOLERANCE)
     assert_same(comm, comparison)
-    assert any((level.state == SLIP).any() for level in together.results.levels), "nothing slips"
+    assert any((level.state == SLIP).any() for level in on_all.results.levels), "nothing slips"
     assert comparison.keys == []
 
 
 def test_groups_of_ranks_give_the_same_curves(comm, structures):
-    one, side_by_side = (microslip.respond(structures[1], levels=(30.0, 38.0), error_bars=False, n_groups=n) for n in (1, 2))
-    assert_same(comm, compared(one.results, side_by_side.results, TOLERANCE))
+    without_groups, in_groups = (
+        microslip.respond(structures[1], levels=(30.0, 38.0), error_bars=False, n_groups=n) for n in (1, 2)
+    )
+    assert_same(comm, compared(without_groups.results, in_groups.results, TOLERANCE))

@@ -1,4 +1,4 @@
-"""A branch that leaves the range where it began is followed from the other end as well; runs on any number of ranks."""
+"""A branch that leaves the range at its start is also followed from the other end; runs on any number of ranks."""
 
 import csv
 
@@ -15,11 +15,11 @@ from microslip.scene.read import read_scene
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 FOLD = FOLDS["softening"]
-BETWEEN, AT = (1.31, 1.6), (1.3101, 1.315, 1.33, 1.345)  # all of them lie between the turning points, as the start does
+BETWEEN, AT = (1.31, 1.6), (1.3101, 1.315, 1.33, 1.345)  # all lie between the turning points, as the start does
 
 
 def scene_between_the_folds(folder, direction="up", error_bars=False):
-    """Write a scene whose range begins between two turning points: the branch from there ends at the lower one."""
+    """Write a scene whose range begins between two turning points: the branch from its start ends at the lower one."""
     if COMM.rank == 0:
         write_matrix_scene(
             folder,
@@ -39,12 +39,12 @@ def scene_between_the_folds(folder, direction="up", error_bars=False):
 
 
 def responses(branch, omega) -> np.ndarray:
-    """Return all solutions at one of ``AT``, by rising amplitude."""
+    """Return all solutions at one of ``AT``, by ascending amplitude."""
     close = [point.response[0] for point in requested(branch) if abs(point.omega - omega) < 1e-12 * omega]
     return np.array(sorted(close, key=lambda u: np.hypot(*u[1:3])))
 
 
-def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
+def test_two_segments_are_the_branch_through_both_folds(shared_path):
     (branch,) = branches_of(scene_between_the_folds(shared_path), COMM)
     omega, segment = (np.array([getattr(point, name) for point in branch.points]) for name in ("omega", "segment"))
     assert (np.diff(segment) >= 0).all() and set(segment) == {0, 1}
@@ -55,20 +55,20 @@ def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
     (shared_path / "whole").mkdir(exist_ok=True)
     whole = followed(FOLD, "up", shared_path / "whole", COMM)
     for at in AT:
-        here, there = responses(branch, at), responses(whole, at)
-        assert len(here) == 3 and len(there) == (3 if at in FOLD.at else 0)
+        computed, expected = responses(branch, at), responses(whole, at)
+        assert len(computed) == 3 and len(expected) == (3 if at in FOLD.at else 0)
         if at not in FOLD.at:  # between the start and the last point of the first segment
             continue
-        assert here == pytest.approx(there, abs=1e-7 * np.abs(there).max())
+        assert computed == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
 
 
-def test_a_branch_that_reaches_its_end_is_one_segment(shared_path):
+def test_a_branch_that_reaches_its_end_has_one_segment(shared_path):
     (branch,) = branches_of(scene_between_the_folds(shared_path, "down"), COMM)
     assert branch.broken is None and {point.segment for point in branch.points} == {0}
 
 
 @pytest.mark.ranks(2)
-def test_a_user_sees_both_segments(shared_path):
+def test_results_have_both_segments(shared_path):
     folder = shared_path / "out"
     run(read_scene(scene_between_the_folds(shared_path, error_bars=True)), COMM, folder, RunOptions(screen=False))
     COMM.barrier()

@@ -1,4 +1,4 @@
-"""A disc with the pairs of all sectors, [cyclic] whole, beside the ring in full with the same differences; on any number of ranks."""
+"""A disc with the pairs of all sectors, [cyclic] whole, compared with the same full ring; on any number of ranks."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ N_DOF, N_SHROUDED = 54, 90  # of a sector of hex8, without and with shrouds
 
 
 def end(modes, level, frequency, **solver):
-    """Return the tables of what is solved for at one frequency."""
+    """Return the tables of damping, response and solver for one frequency."""
     more = "".join(
         f"{key} = {str(value).lower()}\n"
         for key, value in ({"harmonics": 3, "error_bars": False, "tolerance": 1e-10, "samples": 120} | solver).items()
@@ -67,20 +67,20 @@ ALIKE = [pytest.param(5, 2, 1420.0, 20.0, 0.05, marks=pytest.mark.ranks(1)), (6,
 
 
 @pytest.mark.parametrize(("N", "h", "frequency", "level", "friction"), ALIKE)
-def test_alike_sectors_are_those_of_one_sector(shared_path, N, h, frequency, level, friction):
+def test_a_disc_of_equal_sectors_has_the_response_of_one_sector(shared_path, N, h, frequency, level, friction):
     how = {"friction": friction, "wave": {"engine_order": h}}
-    one = built(write_sector, shared_path, N, end(N_DOF, level, frequency), name="one", **how)
-    of_one, n_slip, _ = at_frequency(one, level, frequency)
+    of_sector = built(write_sector, shared_path, N, end(N_DOF, level, frequency), name="one", **how)
+    of_one, n_slip, _ = at_frequency(of_sector, level, frequency)
     how["wave"] = how["wave"] | {"whole": True}
     whole = built(write_sector, shared_path, N, end(N_DOF, level, frequency), name="whole", **how)
     of_whole, n_slip_of_whole, _ = at_frequency(whole, level, frequency)
     assert n_slip_of_whole == N * n_slip > 0
-    assert whole.alike.group == h % N and whole.alike.per_group.groups == one.per_group.groups
+    assert whole.alike.group == h % N and whole.alike.per_group.groups == of_sector.per_group.groups
     size = np.abs(of_one).max()
     np.testing.assert_allclose(of_whole[0], of_one[0], atol=1e-8 * size)
     c, lead = of_whole[:, 1] - 1j * of_whole[:, 2], np.exp(2j * np.pi * h * np.arange(N) / N)
     np.testing.assert_allclose(c, c[0] * lead, atol=1e-8 * size)
-    one.close()
+    of_sector.close()
     whole.close()
 
 
@@ -88,15 +88,15 @@ DIFFER = [0.7, 1.1, 0.9, 1.25, 1.0, 0.85]
 
 
 def of_sectors(ring, whole):
-    """Return the pair of the whole disc that lies where each pair of the ring does, and its sector."""
+    """Return the pair of the whole disc at the position of each pair of the ring, and its sector."""
     distance, at = cKDTree(whole.pairs.position).query(ring.pairs.position)
     assert distance.max() < 1e-12 and len(np.unique(at)) == whole.pairs.n_pairs == ring.pairs.n_pairs
     return at, at // (whole.pairs.n_pairs // len(whole.weights))
 
 
 @pytest.mark.ranks(1)
-def test_sectors_that_differ_are_those_of_the_ring(shared_path):
-    """Friction, preload and load of the sectors have factors."""
+def test_the_response_of_different_sectors_is_that_of_the_ring(shared_path):
+    """Friction, preload and load differ between sectors."""
     N, h, frequency, level, random = 6, 1, 1436.0, 20.0, np.random.default_rng(5)
     factors = {name: random.uniform(0.8, 1.2, N) for name in ("friction", "preload", "load")}
     solved = end(N_DOF, level, frequency) + sector_factors(**factors)
@@ -124,33 +124,33 @@ def stuck_response(structure, frequencies):
 
 
 def misses(shared_path, modes, **factors):
-    """Return by how much the outputs miss those of the ring with all of its modes, over its peak, for numbers of modes."""
+    """Return the largest errors of the outputs with some numbers of modes, relative to the peak of the ring with all modes."""
     N, h, frequencies = 4, 1, np.linspace(1380.0, 1450.0, 15)
     ring = built(write_ring_of_blades, shared_path, N, end(N * N_DOF, 1.0, 1410.0), h, 0.05, **factors)
-    of_ring, apart = stuck_response(ring, frequencies), []
+    of_ring, errors = stuck_response(ring, frequencies), []
     ring.close()
     for n in modes:
         solved = end(n, 1.0, 1410.0) + sector_factors(**factors)
         wave = {"engine_order": h, "whole": True, "blades": ["blade"]}
         whole = built(write_sector, shared_path, N, solved, wave=wave, friction=0.05)
-        apart.append(np.abs(stuck_response(whole, frequencies) - of_ring).max() / np.abs(of_ring).max())
+        errors.append(np.abs(stuck_response(whole, frequencies) - of_ring).max() / np.abs(of_ring).max())
         whole.close()
-    return apart
+    return errors
 
 
-def test_contact_stiffness_that_differs_is_that_of_the_ring(shared_path):
+def test_the_response_with_different_contact_stiffness_is_that_of_the_ring(shared_path):
     assert misses(shared_path, [N_DOF], contact_stiffness=np.array([0.7, 1.2, 1.0, 1.4]))[0] < 1e-9
 
 
 @pytest.mark.ranks(1)
-def test_blades_that_differ_are_those_of_the_ring(shared_path):
-    """Exactly with all modes; with fewer the error falls with their number."""
+def test_the_response_of_different_blades_is_that_of_the_ring(shared_path):
+    """They are exact with all modes; with fewer modes the error falls with their number."""
     factors = {"stiffness": np.array([1.02, 0.97, 1.01, 0.985]), "density": np.array([0.99, 1.0, 1.02, 1.01])}
-    apart = misses(shared_path, [8, 24, N_DOF], **factors)
-    assert apart[2] < 1e-9 and apart[1] < apart[0] < 1e-6
+    errors = misses(shared_path, [8, 24, N_DOF], **factors)
+    assert errors[2] < 1e-9 and errors[1] < errors[0] < 1e-6
 
 
-def test_blades_that_differ_are_those_of_the_ring_where_pairs_slip(shared_path):
+def test_the_response_of_different_blades_with_slip_is_that_of_the_ring(shared_path):
     N, h, frequency, level = 6, 1, 1436.0, 20.0
     factors, how = {"stiffness": np.array([1.02, 0.97, 1.01, 0.985, 1.0, 1.03])}, {"harmonics": 1, "samples": 64}
     ring = built(write_ring_of_blades, shared_path, N, end(N * N_DOF, level, frequency, **how), h, 0.05, **factors)
@@ -164,14 +164,14 @@ def test_blades_that_differ_are_those_of_the_ring_where_pairs_slip(shared_path):
     whole.close()
 
 
-def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
-    """At rest of neither sector nor phase: fields are those of the outputs, and fit where sectors meet."""
+def test_a_run_writes_fields_of_different_sectors(shared_path, program):
+    """Fields are those of the outputs, and are continuous where sectors meet."""
     N, frequency = 5, 1420.0
     text = end(8, 0.01, frequency, samples=32).replace("points = 8", "points = 8\nstability = true\nsensitivities = true")
     text += sector_factors(load=[1.0, 0.2, 1.5, -0.3, 0.8])
     path = on_root(COMM, lambda: write_sector(shared_path, N, text, wave={"engine_order": 2, "whole": True}))
-    status, _, said = program("run", str(path), "--out", str(shared_path / "out"))
-    assert status == 0, said
+    status, _, messages = program("run", str(path), "--out", str(shared_path / "out"))
+    assert status == 0, messages
     COMM.barrier()
     results, fields = read_results(str(shared_path / "out" / "results.h5")), read_fields(str(shared_path / "out" / "results.h5"))
     assert results.outputs == tuple(f"tip {s}" for s in range(N))
@@ -189,9 +189,9 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     np.testing.assert_allclose(page.figure.axes[0].lines[0].get_ydata() / peaks, 1e9 / level.level, rtol=1e-8)  # nm/N
     u = motion.u[:, :, 1] - 1j * motion.u[:, :, 2]
     at = np.searchsorted(fields.mesh.numbers, fields.output_node)
-    told = np.einsum("si,si->s", fields.output_direction, u[at])
+    reported = np.einsum("si,si->s", fields.output_direction, u[at])
     response = level.response[motion.point]
-    np.testing.assert_allclose(told, response[:, 1] - 1j * response[:, 2], rtol=1e-6)
+    np.testing.assert_allclose(reported, response[:, 1] - 1j * response[:, 2], rtol=1e-6)
     disc = np.unique(np.concatenate([each.nodes.ravel() for each in fields.mesh.elements if each.group == "disc"]))
     close = cKDTree(fields.mesh.points[disc]).query_pairs(1e-9, output_type="ndarray")
     assert len(close) == 4 * N  # where sectors meet
@@ -202,8 +202,8 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
 @pytest.mark.parametrize(
     ("N", "frequency"), [(3, 1415.0), pytest.param(5, 1436.0, marks=[pytest.mark.slow, pytest.mark.ranks(1)])]
 )
-def test_the_multipliers_of_all_sectors_are_those_of_the_ring(shared_path, N, frequency):
-    """All pairs of three sectors stick, and half of those of five slip."""
+def test_multipliers_of_all_sectors_are_those_of_the_ring(shared_path, N, frequency):
+    """All pairs of three sectors stick, and half of the pairs of five sectors slip."""
     multipliers = []
     for write, n_dof, how in (
         (write_sector, N_DOF, {"wave": {"engine_order": 1, "whole": True}}),
@@ -220,8 +220,8 @@ def test_the_multipliers_of_all_sectors_are_those_of_the_ring(shared_path, N, fr
 
 
 @pytest.mark.study
-def test_gaps_that_differ_are_those_of_the_ring(shared_path):
-    """Shrouds that are open at rest, by other gaps in each sector, and close under the load in some sectors alone."""
+def test_the_response_with_different_gaps_is_that_of_the_ring(shared_path):
+    """Shrouds that are open at rest by a different gap in each sector close under the load in some sectors only."""
     N, h, frequency, level = 4, 1, 930.0, 60.0
     gap, how = np.array([0.4, 1.0, 1.8, 0.7]), {"how": {"shroud": True}, "of_shrouds": {"gap": 2.0e-6}}
     solved = end(N_SHROUDED, level, frequency) + sector_factors(gap=gap)
@@ -236,7 +236,7 @@ def test_gaps_that_differ_are_those_of_the_ring(shared_path):
     closes = np.abs(p_of_ring[N0 < 0.0]).max(axis=(1, 2)) > 1e-6 * np.abs(p).max()
     assert closes.any()
     np.testing.assert_allclose(of_whole, of_ring, atol=1e-6 * np.abs(of_ring).max())
-    in_axes, in_axes_of_ring = (  # axes of the pairs are others where "tangent" is not stated
+    in_axes, in_axes_of_ring = (  # the axes of the pairs differ if "tangent" is not stated
         np.einsum("pji,pjh->pih", pairs.frame, forces) for pairs, forces in ((whole.pairs, p), (ring.pairs, p_of_ring))
     )
     np.testing.assert_allclose(in_axes[at], in_axes_of_ring, atol=1e-6 * np.abs(p).max())
@@ -244,8 +244,8 @@ def test_gaps_that_differ_are_those_of_the_ring(shared_path):
     whole.close()
 
 
-def test_error_bars_of_sectors_that_differ_hold_what_is_left_out(shared_path):
-    """Modes, harmonics and samples of few beside those of many, in every sector."""
+def test_error_bars_of_different_sectors_bound_the_truncation_error(shared_path):
+    """Errors of few modes, harmonics and samples compared with many, in every sector."""
     N, level, frequency = 3, 20.0, 1436.0
     factors = sector_factors(friction=[0.8, 1.3, 1.0], load=[1.0, 0.9, 1.2])
 

@@ -1,4 +1,4 @@
-"""Harmonic balance against direct time integration; tests/verification/time_domain.py prints the whole tables."""
+"""Harmonic balance compared with direct time integration; tests/verification/time_domain.py prints the whole tables."""
 
 import numpy as np
 import pytest
@@ -7,18 +7,18 @@ from verification import time_domain
 
 
 @pytest.mark.parametrize("name", time_domain.CASES)
-def test_branch_meets_time_integration(name):
+def test_a_branch_agrees_with_time_integration(name):
     case = time_domain.CASES[name]
     points = time_domain.balanced(case, case.omegas[1:2], 15, 2048, points=20)
     peak = max(map(time_domain.amplitude, points))
     for point in points:
-        # begun at the answer of harmonic balance, it drifts away in some ten periods if that is none
+        # starting from the solution of harmonic balance, which it leaves within some ten periods if that is no solution
         steady = time_domain.marched(case, point.omega, 512, start=time_domain.state_at_start(case, point), tolerance=1e-5)
         assert point.state == steady.state
         assert max(time_domain.difference(case, point, steady)) < 1e-3 * peak
 
 
-def test_jenkins_mass_has_every_harmonic_of_its_exact_steady_state():
+def test_all_harmonics_of_a_jenkins_mass_are_exact():
     case = time_domain.CASES["Jenkins mass"]
     for point in time_domain.balanced(case, case.omegas[1:4], 31, 2048, points=20):
         known = exact.jenkins_steady_state(point.omega, case.level, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0)

@@ -1,4 +1,4 @@
-"""What a tie of meshes that do not match costs: a column pulled along its axis, and bending of a cantilever.
+"""The error of a tie between different meshes: a column pulled along its axis, and bending of a cantilever.
 
 python tests/verification/tied_column.py prints the table of docs/validation.md.
 """
@@ -39,7 +39,7 @@ MESHES = [
 
 
 def column(low, n_low, high, n_high):
-    """Return two unit boxes on each other along z, with a tie's two surfaces."""
+    """Return two unit boxes stacked along z, with the two surfaces of a tie."""
     lower, upper = box(low, n_low), box(high, n_high, origin=(0.0, 0.0, 1.0))
     n = len(lower[0])
     groups = {
@@ -54,7 +54,7 @@ def column(low, n_low, high, n_high):
 
 
 def pulled(mesh):
-    """Return the largest error of the stress along z, over that applied, in the elements at the tie and beyond, and of the elongation."""
+    """Return the largest relative errors of the stress along z, in the elements at the tie and beyond, and of the elongation."""
     case = settings({"low": "low", "high": "high"}, [("base", "z"), ("corner", "xy"), ("edge", "y")])
     case = replace(case, ties=(GLUE,))
     system = assemble(distribute(mesh, case, MPI.COMM_SELF), mesh, pair_contacts(mesh, ()), case)

@@ -1,10 +1,10 @@
-"""Branches of many harmonics against direct time integration, around resonance.
+"""Branches of many harmonics compared with direct time integration, around resonance.
 
     PYTHONPATH=solver:tests:tests/continuation python tests/verification/time_domain.py
 
 One mass on a Jenkins element, and one mass with three coupled directions on a 3-D pair that slides along ellipses under a varying
-normal force and lifts off (``oracles.scenes``).  Time integration (``oracles.time_integration``) knows neither Fourier
-coefficients nor the two periods of the march of harmonic balance: it starts from rest and runs until a period repeats.
+normal force and lifts off (``oracles.scenes``).  Time integration (``oracles.time_integration``) uses neither Fourier
+coefficients nor the two periods of the march of harmonic balance: it starts from rest and ends when a period repeats.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from oracles import exact, scenes, time_integration
 
 @dataclass(frozen=True)
 class Case:
-    """A system at a level, and the frequencies [rad/s] at which it is compared."""
+    """A system at a level, and the frequencies [rad/s] of comparison."""
 
     scene: str
     level: float
@@ -48,7 +48,7 @@ def system_of(case: Case) -> dict:
 
 
 def balanced(case: Case, omegas, H: int, n_samples: int, points: int = 60) -> list:
-    """Return the points of the branch at ``omegas``, in rising order."""
+    """Return the points of the branch at ``omegas``, ascending."""
     curve = branch(
         system_of(case),
         MPI.COMM_SELF,

@@ -1,4 +1,4 @@
-"""The demo from all stuck to gross slip and lift-off, and what the springs that hold the mean slip change.
+"""The demo from all stuck to gross slip and lift-off, and the effect of the springs that hold the mean slip.
 
     PYTHONPATH=solver:tests python tests/verification/wide_slip.py
 
