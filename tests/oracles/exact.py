@@ -1,6 +1,6 @@
 """Exact results of friction: single elements, one-mass oscillators, a bar on a friction foundation, spheres in contact.
 
-Units are any consistent set.  docs/validation.md names where each is used.
+Units are any consistent set.  docs/validation.md names the use of each result.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ def jenkins_peak(level, muN, c, k_t=1.0):
 def circle_path(X, k_t, muN):
     """Return the friction force along du and along its velocity, and the loss per cycle, for du_t = X (cos th, sin th).
 
-    The slider trails on a circle of radius sqrt(X^2 - d^2) with its spring tangent to that circle, d = muN / k_t; the
-    force keeps its length muN.  Below d it sticks: k_t X, 0, 0.
+    The slider moves on a circle of radius sqrt(X^2 - d^2) with its spring tangent to that circle, d = muN / k_t; the
+    force has the constant size muN.  Below d it sticks: k_t X, 0, 0.
     """
     d = muN / k_t
     if X <= d:
@@ -124,7 +124,7 @@ class HalfCycle:
 
     @property
     def is_valid(self):
-        """True where the motion falls monotonically, so that no further stick or turn was overlooked."""
+        """True if the motion falls monotonically, so that there is no further stick or turn."""
         _, v = self(np.linspace(0.0, np.pi / self.omega, 2001)[1:-1])
         return bool(self.X > 0.0 and (v < 0.0).all())
 
@@ -163,14 +163,14 @@ def _forced_piece(m, c, kappa, g, F, omega, phi, t0, u0, v0):
 
 
 def jenkins_steady_state(omega, F, *, m, c, k, k_t, muN):
-    """Return the exact steady state, all harmonics, of one mass on a Jenkins element that slips once each way a cycle.
+    """Return the exact steady state, all harmonics, of one mass on a Jenkins element that slips once in each direction per cycle.
 
     Solved for X, phi and the end of sticking: u(stick) = X - 2 muN / k_t, u(pi / omega) = -X, v(pi / omega) = 0.
     For k_t -> infinity it tends to Den Hartog's motion, with an error of order 1 / sqrt(k_t).
 
     Raises
     ------
-    RuntimeError : the element sticks, or the motion found is not of the assumed form
+    RuntimeError : the element sticks, or the motion is not of the assumed form
     """
     d = muN / k_t
 
@@ -209,7 +209,7 @@ def den_hartog_amplitude(beta, friction_ratio):
 
 
 def den_hartog_motion(beta, friction_ratio):
-    """Return Den Hartog's motion without stops as a ``HalfCycle`` with m = k = P = 1; ask it ``is_valid``.
+    """Return Den Hartog's motion without stops as a ``HalfCycle`` with m = k = P = 1; check its ``is_valid``.
 
     The phase of the load at the turn has X = V cos phi and friction_ratio U = -V sin phi.
     """
@@ -255,7 +255,7 @@ class FrictionBar:
         return self.q * self.L
 
     def force(self, s):
-        """Return P for the slip length s: the limit over s and what the stuck rest takes, P = q s + P_s."""
+        """Return P for the slip length s: the limit over s plus the force of the stuck part, P = q s + P_s."""
         return self.q * s + self.stuck_force(s)
 
     def stuck_force(self, s):

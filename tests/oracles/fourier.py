@@ -1,4 +1,4 @@
-"""Rates of what is given by its Fourier coefficients."""
+"""Rates of quantities given by their Fourier coefficients."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Unknowns are the harmonics of every DOF, (n, 2 H + 1).  The contact law is marched sample by sample from T = k_t du_t at the
 first sample until it repeats.  Its derivative is taken by complex steps through the same march (a perturbation
-of 1e-30 i leaves every branch alone), so no tangent is written down anywhere.
+of 1e-30 i does not change any branch), so no tangent is coded.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .scenes import (
     stuck_stiffness,
 )
 
-PERIODS = 40  # of the march, at most
+PERIODS = 40  # largest number of periods of the march
 
 
 @dataclass(frozen=True)
@@ -34,32 +34,32 @@ class Balance:
     du_hat: np.ndarray  # (n_pairs, 3, 2 H + 1) m
     f_hat: np.ndarray  # (n_pairs, 3, 2 H + 1) N, harmonics of f_nl
     p_hat: np.ndarray  # (n_pairs, 3, 2 H + 1) N, f_nl - K_J du
-    state: np.ndarray  # (n_pairs,) 0 stuck, 1 slips, 2 open at some sample of the kept period
-    T: np.ndarray  # (n_pairs, 2) N, friction forces at the first sample of the kept period
+    state: np.ndarray  # (n_pairs,) 0 stuck, 1 slips, 2 open at some sample of the recorded period
+    T: np.ndarray  # (n_pairs, 2) N, friction forces at the first sample of the recorded period
     input: float  # J per cycle
     viscous: float  # J per cycle
     friction: np.ndarray  # (n_pairs,) J per cycle, of the retained harmonics
-    residual: float  # |r| over |f_ex|
+    residual: float  # |r| / |f_ex|
     iterations: int
 
     def start(self):
-        """Return u, v, T at t = 0, from which time integration can go on."""
+        """Return u, v, T at t = 0, from which time integration can start."""
         n = np.arange(1, self.u_hat.shape[1] // 2 + 1)
         u = self.u_hat[:, 0] + self.u_hat[:, 1::2].sum(axis=1)
         return u, self.omega * (self.u_hat[:, 2::2] @ n), self.T
 
 
 def sampled_law(du, system, law="return"):
-    """Return f_nl (n_samples, ..., n_pairs, 3) [N] and the states (..., n_pairs) for a period of du, shaped alike [m].
+    """Return f_nl (n_samples, ..., n_pairs, 3) [N] and the states (..., n_pairs) for a period of du of the same shape [m].
 
-    Complex ``du`` carry a derivative in their imaginary part: branches look at real parts only.  ``law`` "path" follows
+    Complex ``du`` carry a derivative in their imaginary part: branches depend on real parts only.  ``law`` "path" follows
     the straight line from sample to sample exactly, see ``straight_step``.
     """
     mu, N0, k_t, k_n, separate = (system[key] for key in ("mu", "N0", "k_t", "k_n", "separate"))
     closing = N0 - k_n * du[..., 2]
     N = np.where(closing.real > 0.0, closing, 0.0)
     limit = (mu * N)[..., None]
-    pull = k_t[:, None] * (du[..., :2] - np.roll(du, 1, axis=0)[..., :2])  # k_t d(du_t) from the sample before
+    pull = k_t[:, None] * (du[..., :2] - np.roll(du, 1, axis=0)[..., :2])  # k_t d(du_t) from the previous sample
     T, slips = k_t[:, None] * du[0, ..., :2], np.zeros(du.shape[1:-1], dtype=bool)
     f = np.empty_like(du)
     f[..., 2] = np.maximum(N0, 0.0) - N
@@ -73,7 +73,7 @@ def sampled_law(du, system, law="return"):
             leaves = square.real > limit[k].real ** 2
             if leaves.any():
                 T = np.where(leaves, limit[k] * T / np.sqrt(np.where(leaves, square, 1.0)), T)
-                # a pair that settled touches its limit once a cycle; only roundoff makes it slip there
+                # a settled pair touches its limit once per cycle; only roundoff makes it slip there
                 slips |= (square.real > (1.0 + 1e-9) * limit[k].real ** 2).any(axis=-1)
             if law == "path":
                 T = _along_path(T, T_before, pull[k], closing[k - 1], closing[k], mu, separate)
@@ -84,7 +84,7 @@ def sampled_law(du, system, law="return"):
 
 
 def _along_path(T_return, T, e, closing, closing_new, mu, separate):
-    """Return the friction forces after a straight step; ``T_return`` where the pair sticks all the way."""
+    """Return the friction forces after a straight step; ``T_return`` where the pair sticks in the whole step."""
     coupled = straight_step(T, e, closing, closing_new, mu)
     if separate.any():
         sides = [straight_step(T * side, e * side, closing, closing_new, mu) for side in np.eye(2)]
@@ -98,7 +98,7 @@ def straight_step(T, e, closing, closing_new, mu):
     """Return T (..., 2) after a step in which du_t and du_z move along a straight line, exactly.
 
     ``e`` = k_t d(du_t) (..., 2); ``closing`` = N0 - k_n du_z (...) at both ends, negative where open.  T moves by e
-    until |T| - mu N reaches zero for good; then it slips, |T| = mu N, and the angle psi from e to T obeys
+    until |T| - mu N reaches zero and does not fall again; then it slips, |T| = mu N, and the angle psi from e to T obeys
     d(psi) = -sin(psi) |de| / (mu N): tan(psi / 2) decays exponentially.
     """
 
@@ -129,7 +129,7 @@ def straight_step(T, e, closing, closing_new, mu):
     ratio = np.where(near | (limit.real <= 0.0) | (end.real <= 0.0), 2.0, divide(end, limit))
     mean = np.where(near, 0.5 * (end + limit), (end - limit) / np.log(ratio))
     tangent = divide(T[..., 1] * e[..., 0] - T[..., 0] * e[..., 1], limit + dot(T, e))  # tan(psi / 2)
-    turns = slips & (end.real > 0.0) & (limit.real > 1e-14 * end.real)  # else: it closes in this step, T is along e
+    turns = slips & (end.real > 0.0) & (limit.real > 1e-14 * end.real)  # otherwise it closes in this step, T is along e
     tangent = np.where(turns, tangent, 0.0) * np.exp(np.where(turns, -divide((1.0 - xi) * size, mean), 0.0))
     cos, sin = (1.0 - tangent**2) / (1.0 + tangent**2), 2.0 * tangent / (1.0 + tangent**2)
     turned = np.stack([cos * e[..., 0] - sin * e[..., 1], cos * e[..., 1] + sin * e[..., 0]], axis=-1)
@@ -206,7 +206,7 @@ def newton(system, omega, level, u_hat, n_samples, tolerance=1e-10, max_iteratio
         for factor in 0.5 ** np.arange(8):
             trial = u_hat + factor * d_u
             r = _residual(trial, Z, F, system, n_samples, law)
-            if np.linalg.norm(r) < max(history[-6:]):  # not monotone: it rises where samples change state
+            if np.linalg.norm(r) < max(history[-6:]):  # not monotonic: it rises where samples change state
                 break
         u_hat = trial
         history.append(np.linalg.norm(r))
@@ -234,9 +234,9 @@ def solve(system, omega, level, *, H=15, n_samples=1024, start=None, tolerance=1
 
 
 def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance=1e-10, smallest=1e-3, law="return"):
-    """Return the ``Balance`` at each of ``omegas``, one from the other by a secant predictor and halved steps.
+    """Return the ``Balance`` at each of ``omegas``, each from the previous one by a secant predictor and halved steps.
 
-    A branch is followed in frequency only: a turning point on the way is an error.
+    A branch is followed in frequency only: a turning point raises an error.
 
     Raises
     ------
@@ -265,7 +265,7 @@ def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance
 
 
 def _raise_level(system, omega, level, start, n_samples, tolerance, law):
-    """Return what ``newton`` returns, reached through lower levels from a thousandth of ``start``."""
+    """Return the result of ``newton``, reached through lower levels from a thousandth of ``start``."""
     reached, step, u_hat = 1e-3, 0.3, 1e-3 * start
     while reached < 1.0:
         goal = min(1.0, reached + step)

@@ -1,4 +1,4 @@
-"""The contact law over one step, vectorised over pairs, as docs/theory.md, section 3 has it: what compiled code is held against."""
+"""The contact law over one step, vectorised over pairs, after docs/theory.md, section 3: the reference of the compiled code."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""Judge a returned point from the matrices alone: dynamics, contact law, energies, inequalities.
+"""Check a returned point with the matrices only: dynamics, contact law, energies, inequalities.
 
-Nothing of the program is used, neither its modes nor its contact kernel.  Given are M, C or a damping law, K, R, the loads and
-the parameters of the pairs (a system of ``oracles.scenes``, with ``rayleigh`` besides ``C`` and ``zeta``), and of the point the motion of
-the pairs U, their forces p, the response of some DOFs, and what the program says of states and energies.  The law is marched here in the
+Nothing of the program is used, neither its modes nor its contact kernel.  Input are M, C or a damping law, K, R, the loads and
+the parameters of the pairs (a system of ``oracles.scenes``, also with ``rayleigh``), and of the point the motion
+of the pairs U, their forces p, the response of some DOFs, and the reported states and energies.  The law is marched here in the
 friction force T along the straight lines between samples, until it repeats (path.py; docs/theory.md, section 3).
 
 Linear systems are solved in double and refined with residuals in extended precision: a joint a million times softer or
-stiffer than the structure leaves the answer exact to far below the tolerances.
+stiffer than the structure has a solution exact to far below the tolerances.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ _LONG, _CLONG = np.longdouble, np.clongdouble
 
 @dataclass(frozen=True)
 class Verdict:
-    """Errors of a point, all relative; a point is right where each lies below its bound."""
+    """Relative errors of a point; a point is right if each lies below its bound."""
 
     motion: float  # |R u - U| / |U|, u = Z^-1 (f - R^T p) by the full matrices at every harmonic
-    response: float  # |outputs - u there| / |outputs|
-    force: float  # |Z u + R^T f_nl(U) - f| over |f| + |R^T f_nl|: what the law at the returned motion leaves unbalanced
-    law: float  # |p - p(U)| of a pair over the largest of K_J |U|, N0 and |p| there
-    energy: float  # |W - D - E| over |W|, or over a hundredth of the apparent work where |W| is less
-    reported: float  # the largest difference of W, D, E from what the point says, on the same scale
+    response: float  # |outputs - u at their DOFs| / |outputs|
+    force: float  # |Z u + R^T f_nl(U) - f| / (|f| + |R^T f_nl|): imbalance with the law at the returned motion
+    law: float  # |p - p(U)| of a pair / the largest of its K_J |U|, N0 and |p|
+    energy: float  # |W - D - E| / |W|, or / a hundredth of the apparent work where |W| is less
+    reported: float  # the largest difference of W, D, E from the reported values, on the same scale
     friction_limit: float  # |T| - mu N at the samples, over the largest force of the pair
     tension: float  # -N over the largest force of the pair
     negative_energy: (
-        float  # -e_i over pi H |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample; 2 / N_t if it opens
+        float  # -e_i / (pi H |T| |du_t| (2 / N_t)^2): the sampled law rotates its slip within a sample; 2 / N_t if it opens
     )
     finite: bool
-    states: bool  # the states are those of the march, but for pairs at the limit to rounding
+    states: bool  # the states are those of the march, except for pairs at the limit to rounding
 
     def worst(self) -> tuple[str, float]:
-        """Return the name and the size of the largest error over its bound."""
+        """Return the name and the size of the largest error relative to its bound."""
         shares = {name: getattr(self, name) / bound for name, bound in BOUNDS.items()}
         name = max(shares, key=lambda key: shares[key] if np.isfinite(shares[key]) else np.inf)
         return name, getattr(self, name)
 
     def faults(self, slack: float = 1.0) -> list[str]:
-        """Return what is wrong with the point; nothing if it is right."""
+        """Return the faults of the point, an empty list if it is right."""
         computed = [] if self.finite else ["not a finite number"]
         computed += [
             f"{name} {getattr(self, name):.1e} (bound {slack * bound:.0e})"
@@ -57,12 +57,12 @@ class Verdict:
         return computed + ([] if self.states else ["states differ from those of the march"])
 
 
-# a point is accepted at a relative residual of 1e-8 in U; the rest follows with the stiffness of joint and structure
+# a point is accepted at a relative residual of 1e-8 in U; the other bounds follow from the stiffness of joint and structure
 BOUNDS = {
     "motion": 1e-7,
     "response": 1e-7,
     "force": 1e-5,
-    "law": 1e-8,  # a cycle is one whose sliders come back to 1e-14 of their slip distance, however slowly they drift
+    "law": 1e-8,  # sliders of a steady cycle return to 1e-14 of their slip distance, however slowly they drift
     "energy": 1e-4,
     "reported": 1e-5,
     "friction_limit": 1e-9,
@@ -86,7 +86,7 @@ class Judge:
         self.C = damping(system, self.K_L).astype(_LONG)
 
     def verdicts(self, points, levels, outputs) -> list[Verdict]:
-        """Return the errors of points at one level or one each; all are marched at once.
+        """Return the errors of points at one level, or at one level each; all are marched at once.
 
         ``outputs`` (n_outputs,) are the DOFs of the responses.
         """
@@ -100,15 +100,15 @@ class Judge:
         ]
 
     def verdict(self, point, level: float, outputs, march: March | None = None, forces: np.ndarray | None = None) -> Verdict:
-        """Return the errors of a point, of which the ``march`` may be known; otherwise as :meth:`verdicts`."""
+        """Return the errors of a point; without ``march`` as :meth:`verdicts`."""
         U, p, N_H = np.asarray(point.U, dtype=float), np.asarray(point.p, dtype=float), 2 * self.H + 1
         everything = [U, p, point.response, point.energy, [point.input, point.damping, point.friction, point.omega]]
         if not all(np.isfinite(part).all() for part in everything):
             return Verdict(*[np.nan] * 9, finite=False, states=False)
         f = loads(self.system, level, self.H) if forces is None else forces
-        if forces is None and not np.any(f):  # loads that cancel: nothing moves, but by rounding
-            alone = [{**load, "vector": np.abs(load["vector"]), "phase": 0.0} for load in self.system["loads"]]
-            u, _ = self.motion(point.omega, loads({**self.system, "loads": alone}, level, self.H))
+        if forces is None and not np.any(f):  # loads that cancel: nothing moves except by rounding
+            in_phase = [{**load, "vector": np.abs(load["vector"]), "phase": 0.0} for load in self.system["loads"]]
+            u, _ = self.motion(point.omega, loads({**self.system, "loads": in_phase}, level, self.H))
             still = float(np.linalg.norm(U) / (np.linalg.norm(u) or 1.0))
             return Verdict(
                 motion=still,
@@ -128,9 +128,9 @@ class Judge:
         march = self.march(U) if march is None else march
         if any(
             "held by springs" in note for note in point.notes
-        ):  # as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
+        ):  # as the notes of the point state: the mean of p_t is not that of the law (theory.md, eq. 5.6)
             march.p[:, :2, 0] = p[:, :2, 0]
-        unknown = march.change > 1e-12 * march.size  # sliders whose cycle this march does not find: the balance alone judges them
+        unknown = march.change > 1e-12 * march.size  # sliders without a steady cycle in this march: only the balance is checked
         march.p[unknown] = p[unknown]
         law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
         f_nl = march.p + self.k[:, :, None] * U
@@ -143,8 +143,8 @@ class Judge:
             for n in range(1, self.H + 1)
         ) + 1e-3 * np.pi * np.linalg.norm(f[:, 0]) * np.linalg.norm(u[:, 0])
         scale = max(abs(W), abs(D) + abs(E), 1e-2 * apparent) or 1.0
-        order = np.where(march.state == OPEN, 1, 2)  # of the sampled law: where a pair lifts off, its friction jumps
-        said = np.array([point.input, point.damping, point.friction])
+        order = np.where(march.state == OPEN, 1, 2)  # of the sampled law: friction jumps where a pair lifts off
+        stated = np.array([point.input, point.damping, point.friction])
         response = np.asarray(point.response)
         return Verdict(
             motion=relative(du - U, U),
@@ -152,7 +152,7 @@ class Judge:
             force=float(np.linalg.norm(unbalanced) / (size or 1.0)),
             law=float(law.max(initial=0.0)),
             energy=float(abs(W - D - E) / scale),
-            reported=float(np.abs(said - energies).max() / scale),
+            reported=float(np.abs(stated - energies).max() / scale),
             friction_limit=float(march.beyond_limit.max(initial=0.0)),
             tension=float(march.tension.max(initial=0.0)),
             negative_energy=float(
@@ -174,12 +174,12 @@ class Judge:
         return u, error
 
     def energies(self, omega: float, f, u, march, U) -> np.ndarray:
-        """Return the work of the loads, the viscous loss and what the pairs take, each over a cycle [J]."""
+        """Return the work of the loads, the viscous loss and the loss of the pairs, each per cycle [J]."""
         D = np.pi * omega * sum(n * n * (u[:, c] @ self.C @ u[:, c]) for n in range(1, self.H + 1) for c in (2 * n - 1, 2 * n))
         return np.array([work(f, u).sum(), float(D), work(march.p, U).sum()])
 
     def march(self, U: np.ndarray) -> March:
-        """Return what the contact law says of the motion U (n_pairs, 3, N_H), or of several, one after the other."""
+        """Return the contact law for the motion U (n_pairs, 3, N_H), or for several motions one after the other."""
         n_motions = len(U) // max(len(self.k), 1)
         s = {key: np.tile(self.system[key], n_motions) for key in ("mu", "N0", "k_t", "k_n", "separate")}
         springs, theta = np.tile(self.k, (n_motions, 1))[:, :, None], 2.0 * np.pi * np.arange(self.n_samples) / self.n_samples
@@ -197,7 +197,7 @@ class Judge:
         slides = (cycle.slip > 1e-9 * limit.max(axis=0)) & (cycle.slip > 1e-13 * noise) | (limit == 0.0).any(axis=0)
         nearly = np.where(slides, cycle.slip, room) <= 1e-7 * limit.max(axis=0) + 1e-10 * noise
         f_nl = np.empty((self.n_samples, len(k_t), 3))
-        # max(N0, 0) - N, written so that a motion far below the preload keeps its digits
+        # max(N0, 0) - N, written so that a motion much smaller than the preload causes no cancellation
         f_nl[..., :2] = forces
         f_nl[..., 2] = np.where(pressed > 0.0, np.maximum(-s["N0"], 0.0) + s["k_n"] * du[..., 2], np.maximum(s["N0"], 0.0))
         weights = np.full(2 * self.H + 1, 2.0 / self.n_samples)
@@ -210,7 +210,7 @@ class Judge:
         size = np.where(size > 0.0, size, 1.0)
         length = np.where(separate[:, None], np.abs(forces), np.linalg.norm(forces, axis=2, keepdims=True))
         beyond = np.maximum((length - limit[..., None]).max(axis=(0, 2)), 0.0)
-        # at least rounding of k_t du, from which T is the small rest
+        # at least rounding of k_t du, of which T is a small difference
         beyond = beyond / np.maximum(limit.max(axis=0), size)
         T_size, u_size = (np.linalg.norm(x[:, :2, 1:], axis=(1, 2)) for x in (f_hat, U))
         most_work = np.pi * self.H * np.maximum(T_size * u_size, 1e-9 * size * u_size)
@@ -228,24 +228,24 @@ class Judge:
 
 @dataclass(frozen=True)
 class March:
-    """The law under a motion."""
+    """The contact law for a motion."""
 
     p: np.ndarray  # (n_pairs, 3, N_H) N
     size: np.ndarray  # (n_pairs,) N, the largest force of each pair
-    most_work: np.ndarray  # (n_pairs,) J, the most that its friction force could do in a cycle
+    most_work: np.ndarray  # (n_pairs,) J, largest possible work of its friction force in a cycle
     state: np.ndarray  # (n_pairs,)
     at_limit: np.ndarray  # (n_pairs,) bool: within rounding of another state
-    beyond_limit: np.ndarray  # (n_pairs,) of |T| - mu N, over the largest force
-    tension: np.ndarray  # (n_pairs,) of -N, over the same
+    beyond_limit: np.ndarray  # (n_pairs,) of |T| - mu N, relative to the largest force
+    tension: np.ndarray  # (n_pairs,) of -N, relative to the largest force
     change: np.ndarray  # (n_pairs,) N, of the friction force in a period
 
     def of(self, pairs: slice) -> March:
-        """Return the law of some pairs."""
+        """Return the law of a subset of pairs."""
         return March(**{name: value[pairs] for name, value in vars(self).items()})
 
 
 def damping(system: dict, K_L: np.ndarray) -> np.ndarray:
-    """Return C (n, n): the given matrix, alpha M + beta K_L, or the ratio of every mode of (K_L, M); motions without mass have none."""
+    """Return C (n, n): the given matrix, alpha M + beta K_L, or the ratio of every mode of (K_L, M)."""
     if "C" in system:
         return np.asarray(system["C"], dtype=float)
     M = np.asarray(system["M"], dtype=float)

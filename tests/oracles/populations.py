@@ -1,6 +1,6 @@
-"""Steady states of one mass on a pair of rough surfaces, or on an Iwan element, marched in time with populations of their own.
+"""Steady states of a mass on a pair of rough surfaces, or on an Iwan element, marched in time with separate populations.
 
-Nothing of the solver is used: the densities are summed at midpoints, far finer than its elements, and time goes on by leapfrog.
+Nothing of the solver is used: the densities are summed at midpoints, much finer than its elements, in leapfrog integration.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def rough(mu, N0, k_t, k_n, exponent, n=600, most=4.0):
-    """Return a law: (u, w) -> force (3,) and sliders (n, 2), of asperities whose density is the curvature of N(approach).
+    """Return a law (u, w) -> force (3,) and sliders (n, 2), of asperities whose density is the curvature of N(approach).
 
     Exponential: N = N0 exp(x k_n / N0), from 14 N0 / k_n below rest to ``most`` above; power: N0 (1 + x k_n / (m N0))^m.
     """
@@ -36,7 +36,7 @@ def rough(mu, N0, k_t, k_n, exponent, n=600, most=4.0):
 
 
 def iwan(F_S, K_T, k_n, chi, beta, n=600):
-    """Return a law, of sliders of the density phi^chi up to phi_max, and one more at its end."""
+    """Return a law with sliders of the density phi^chi up to phi_max, and one slider at its end."""
     phi_max = F_S * (1.0 + beta) / (K_T * (beta + (chi + 1.0) / (chi + 2.0)))
     ends = phi_max * np.linspace(0.0, 1.0, n) ** 3  # fine where the density is high
     k = np.diff(ends ** (chi + 1.0)) * K_T / (1.0 + beta) / phi_max ** (chi + 1.0)
@@ -50,7 +50,7 @@ def iwan(F_S, K_T, k_n, chi, beta, n=600):
 
 
 def on_pairs(R, populations):
-    """Return the law of several pairs, whose motions are R u, (3 n_pairs,)."""
+    """Return the law of several pairs with motions R u, (3 n_pairs,)."""
     ends = np.cumsum([0, *(n for _, n in populations)])
 
     def law(u, w):
@@ -67,10 +67,10 @@ def steady_state(M, C, K, force, omega, population, n_steps=1000, periods=30):
     h, u, v, w = 2.0 * np.pi / omega / n_steps, np.zeros(len(M)), np.zeros(len(M)), np.zeros((n, 2))
     M, C = np.diag(M), np.diag(C)
     for _ in range(periods):
-        kept = []
+        recorded = []
         for i in range(n_steps):
-            kept.append(u)
+            recorded.append(u)
             f, w = law(u, w)
             v = ((M / h - 0.5 * C) * v + force(2.0 * np.pi * i / n_steps) - K @ u - f) / (M / h + 0.5 * C)
             u = u + h * v
-    return np.array(kept)
+    return np.array(recorded)

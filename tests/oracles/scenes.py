@@ -1,4 +1,4 @@
-"""Small canonical systems with contact pairs, as dictionaries of NumPy arrays, and what every oracle reads from them.
+"""Small canonical systems with contact pairs, as dictionaries of NumPy arrays, and functions of them for all oracles.
 
 A system holds
     M, K : (n, n) mass [kg] and stiffness WITHOUT the joint springs [N/m]
@@ -6,7 +6,7 @@ A system holds
         rayleigh : (alpha, beta) of C = alpha M + beta K_L [1/s, s]
     pair_dofs : (n_pairs, 6) DOF x1, y1, z1, x2, y2, z2 of each pair, -1 = ground; R (3 n_pairs, n) follows from it
     mu, N0, k_t, k_n : (n_pairs,) friction coefficient, preload (negative: gap -N0 / k_n), stiffness
-    separate : (n_pairs,) bool, True where the two tangential directions slip on their own
+    separate : (n_pairs,) bool, True where the two tangential directions slip independently
     loads : dictionaries with vector (n,) [N per unit level], harmonic and phase;
         force = level vector cos(harmonic omega t + phase), harmonic 0: level vector
     output : (n,) row of the observed displacement
@@ -123,7 +123,7 @@ def cycle_work(F, X):
 
 
 def jenkins_mass():
-    """One mass on a Jenkins element, as in docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
+    """Return one mass on a Jenkins element, as in docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
     return make_system(
         "jenkins mass",
         [[1.0]],
@@ -142,7 +142,7 @@ def jenkins_mass():
 
 
 def spatial_mass():
-    """One mass with three coupled DOFs on one 3-D pair: elliptic sliding, varying normal force, lift-off."""
+    """Return one mass with three coupled DOFs on one 3-D pair: elliptic sliding, varying normal force, lift-off."""
     return make_system(
         "spatial mass",
         np.diag([1.0, 1.2, 0.9]),
@@ -166,7 +166,7 @@ def spatial_mass():
 
 
 def chain():
-    """Three masses of three DOFs in SI magnitudes; pair 1 between mass 1 and 2, pair 2 between mass 3 and ground."""
+    """Return three masses of three DOFs with SI magnitudes; pair 1 between mass 1 and 2, pair 2 between mass 3 and ground."""
     stiff, soft = np.diag([4.0e5, 3.0e5, 6.0e5]), np.diag([1.0e5, 1.5e5, 2.0e5])
     tilt = 4.0e4 * (np.ones((3, 3)) - np.eye(3))
     link, zero = stiff + tilt, np.zeros((3, 3))
@@ -198,7 +198,7 @@ def chain():
 
 
 def gap_mass():
-    """One mass that strikes a frictional stop after a gap: hardening, two stable states between the turning points.
+    """Return one mass that strikes a frictional stop after a gap: hardening, two stable states between the turning points.
 
     At "two states" z has the amplitude 0.352 (never touches; reached from rest) or 2.322 (from below in omega); two
     stable states exist between about omega = 1.19 and 1.29.
@@ -221,10 +221,10 @@ def gap_mass():
 
 
 def den_hartog_mass(beta=0.75, friction_ratio=0.2, k_t=2000.0):
-    """One undamped mass with (nearly) rigid Coulomb friction; level 1 is P = 1, omega = beta, mu N = friction_ratio.
+    """Return one undamped mass with nearly rigid Coulomb friction; level 1 is P = 1, omega = beta, mu N = friction_ratio.
 
     The element turns within sqrt(8 mu N / (k_t |u''|)) seconds: time integration needs several steps in that, some 1024
-    per period for the default; with too few it settles on a motion of three periods that the equation does not have.
+    per period for the default; with too few it settles on a motion of three periods that is no solution of the equation.
     """
     return make_system(
         "Den Hartog mass",

@@ -1,4 +1,4 @@
-"""Steady states of small systems by time integration: a period of time steps that leaves the state as it was.
+"""Steady states of small systems by time integration: the state after a period equals the state before.
 
 Independent of the program: full matrices, no harmonics, a contact law in friction forces and angles (shooting.c, compiled when it
 is first needed).  With K_L the stiffness of all pairs stuck, the motion is u = u_lin(t) + y, where u_lin is the exact response of
@@ -6,10 +6,10 @@ the stuck structure, and
 
     M y'' + C y' + K_L y = -R^T p,      p = f_nl - K_J R u,
 
-is integrated exactly for a p that is linear within a step, and shifted there by the area that its corners leave.  What is stuck is
-exact, then; the rest is of second order in the step.  The state at the begin of a period is x = (y, y', p_t): sliders stand at
-w = -p_t / k_t.  A state that a period leaves as it was is found by Newton's method, so that neither slow decay nor drifting
-sliders need time, nor need the motion be stable; sliders that do not move in the period stay where they stand.
+is integrated exactly for a p that is linear within a step, shifted by the area of its corners within the step.  Stuck motion is
+exact, therefore; slip is of second order in the step.  The state at the beginning of a period is x = (y, y', p_t): sliders are at
+w = -p_t / k_t.  A periodic state is computed by Newton's method, so that neither slow decay nor drifting sliders need time, and
+the motion may be unstable; sliders that do not move in the period stay where they are.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from scipy.linalg import expm
 from .compiled import arguments, compiled
 from .scenes import damping_matrix, force_coefficients, stuck_stiffness
 
-PERTURBED = 1e-7  # of the size of each part of the state, for its derivative
+PERTURBED = 1e-7  # differences for the derivative, relative to the size of each part of the state
 COARSE = 256  # steps for the derivative …
-NEAR_FOLD = 0.05  # … where its smallest singular value exceeds this: near a fold coarse steps have another one
-MOST_ROUNDS, HALVINGS = 30, 5  # of Newton's method, and of its steps
-SLOW = 0.2  # of the miss before, beyond which the derivative is found anew
-PLAIN = 20  # periods of time where it comes no closer
-MOST_RULES = 20  # times that sliders are put where the rule has them
-SETTLING = 2000  # periods of the law under a given motion
-DISTURBED, DECAYED, GROWN = 1e-5, 1e-4, 1e3  # a small disturbance over the size of the state; the shares of it that end a march
-WATCHED = 400  # periods of a disturbed march, at most
-TOLERANCE = 1e-10  # of the state
+NEAR_FOLD = 0.05  # … if its smallest singular value exceeds this: near a fold coarse steps change it
+MOST_ROUNDS, HALVINGS = 30, 5  # largest numbers of Newton iterations and of halvings of a step
+SLOW = 0.2  # ratio of successive residuals beyond which the derivative is computed again
+PLAIN = 20  # periods of time integration where Newton's method does not converge
+MOST_RULES = 20  # largest number of times that sliders are moved to the position of the rule
+SETTLING = 2000  # largest number of periods of the law under a given motion
+DISTURBED, DECAYED, GROWN = 1e-5, 1e-4, 1e3  # a small disturbance relative to the state; its factors that end a march
+WATCHED = 400  # largest number of periods of a disturbed march
+TOLERANCE = 1e-10  # relative to the state
 
 
 @lru_cache(maxsize=1)
@@ -47,19 +47,19 @@ def _compiled():
 
 @dataclass(frozen=True)
 class Steady:
-    """What the time integration of a point came to."""
+    """The steady state of a point by time integration."""
 
     amplitude: complex  # m, cos 1 - i sin 1 of the output
     mean: float  # m
-    x: np.ndarray  # (2 n + 2 m,) state at the begin of the period
-    distance: float  # from the steady state, by Newton's step, over the size of the state
-    drifts: float  # share of a slider's way that a period leaves
-    fold: float  # smallest singular value of the derivative of (end - begin): 0 at a fold, where small errors go far
+    x: np.ndarray  # (2 n + 2 m,) state at the beginning of the period
+    distance: float  # from the steady state, by Newton's step, relative to the size of the state
+    drifts: float  # drift of a slider per period relative to its path
+    fold: float  # smallest singular value of the derivative of (end - begin): 0 at a fold, where small errors have large effects
     moved: np.ndarray  # (m,) bool: sliders that move in the period
 
 
 class Point:
-    """A system under a load of a level and a frequency: the map of its period and the steady state of that."""
+    """A system under a load of a level and a frequency: the map of a period and its steady state."""
 
     def __init__(self, system: dict, level: float, omega: float):
         self.system, self.omega, self.n, self.m = system, omega, len(system["M"]), len(system["mu"])
@@ -86,7 +86,7 @@ class Point:
     # -- a period ------------------------------------------------------------------------------------------------------
 
     def matrices(self, N: int) -> list[np.ndarray]:
-        """Return Phi, first, last, whole of a step: z+ = Phi z + first p + last p+ + whole area; made once."""
+        """Return Phi, first, last, whole of a step: z+ = Phi z + first p + last p+ + whole area; cached."""
         if N not in self.steps:
             n, rows, M_inv = self.n, 3 * self.m, np.linalg.inv(self.M)
             big = np.zeros((2 * n + 2 * rows, 2 * n + 2 * rows))  # (y, y', p, slope of p)
@@ -101,7 +101,7 @@ class Point:
         return self.steps[N]
 
     def period(self, x, N: int):
-        """Return states (c, n_x) after a period, which sliders moved, (c, 2 m), output (c, N) and du (c, N, 3 m) over the period."""
+        """Return states (c, n_x) after a period, the moved sliders (c, 2 m), output (c, N) and du (c, N, 3 m) over the period."""
         x = np.array(x, dtype=float, ndmin=2)
         theta = 2.0 * np.pi * np.arange(N) / N
         basis = np.stack([np.ones(N), np.cos(theta), np.sin(theta), np.cos(2.0 * theta), np.sin(2.0 * theta)], axis=1)
@@ -114,13 +114,13 @@ class Point:
         return x, moved.astype(bool), output, motion
 
     def miss(self, x, N: int):
-        """Return (end - begin) over the scales, (n_x,); 0 of sliders at rest."""
+        """Return (end - begin) / scales, (n_x,); 0 for sliders at rest."""
         end, moved, *_ = self.period(x, N)
         moves = np.concatenate([np.ones(2 * self.n, dtype=bool), moved[0]])
         return np.where(moves, (end[0] - x) / self.scale, 0.0)
 
     def derivative(self, x, N: int, perturbed: float = PERTURBED):
-        """Return d (end - begin) / dx, both scaled, by differences; of sliders that stay in all of them -1."""
+        """Return d (end - begin) / dx, both scaled, by differences; -1 for sliders at rest in all of them."""
         n_x = len(x)
         end, moved, *_ = self.period(x + np.vstack([np.zeros(n_x), perturbed * np.diag(self.scale)]), N)
         D = ((end[1:] - end[0]) / self.scale).T / perturbed - np.eye(n_x)
@@ -130,14 +130,14 @@ class Point:
         return D
 
     def largest_multiplier(self, x, N: int, perturbed: float = PERTURBED) -> float:
-        """Return the largest modulus of an eigenvalue of the derivative of the map of a period, by differences of that size."""
+        """Return the largest modulus of the eigenvalues of the derivative of the period map, by differences of that size."""
         return float(np.abs(np.linalg.eigvals(self.derivative(x, N, perturbed) + np.eye(len(x)))).max())
 
     def forgets(self, x, N: int, rng) -> bool:
-        """Tell whether two small random disturbances of a steady state die out: whether what a period changes does.
+        """Return whether two small random disturbances of a steady state decay, by the change per period.
 
-        A slider that has been moved and stays is no change: the motion comes to rest at another member of the same continuum.
-        A motion that goes ``GROWN`` times its disturbance away has left for another steady state.  ``N`` is that of the state.
+        A moved slider at rest is no change: the motion comes to another member of the same continuum.
+        A motion at ``GROWN`` times its disturbance has left for another steady state.  ``N`` is that of the state.
         """
         states = x + DISTURBED * self.scale * rng.standard_normal((2, len(x)))
         changes = np.zeros((WATCHED, 2))
@@ -154,7 +154,7 @@ class Point:
     # -- the steady state ----------------------------------------------------------------------------------------------
 
     def steady(self, x, N: int) -> Steady:
-        """Return the steady state near a state, with N steps a period."""
+        """Return the steady state near a state, with N steps per period."""
         F, D, is_own = self.miss(x, N), self.derivative(x, min(N, COARSE)), N <= COARSE
         if not is_own and np.linalg.svd(D)[1][-1] < NEAR_FOLD:
             D, is_own = self.derivative(x, N), True
@@ -177,15 +177,15 @@ class Point:
         return self.summary(x, F, D, N)
 
     def by_rule(self, x, N: int) -> tuple[Steady, float]:
-        """Return the steady state whose resting sliders stand where eq. (3.5) of docs/theory.md puts them, and how far that was.
+        """Return the steady state with resting sliders at the position by eq. (3.5) of docs/theory.md, and their distance before.
 
-        On the way to a steady state a slider may be pushed and then rest, elsewhere than another way would have left it.
+        During integration to a steady state a slider may be pushed and then rest at a position that depends on the path.
         """
         steady, first = self.steady(x, N), None
         for _ in range(MOST_RULES):
             _, moved, _, motion = self.period(steady.x, N)
             x, p_t = steady.x.copy(), steady.x[2 * self.n :]
-            rest = (~moved[0] & (p_t != 0.0)).reshape(-1, 2).any(axis=1)  # where none has ever moved the rule is kept
+            rest = (~moved[0] & (p_t != 0.0)).reshape(-1, 2).any(axis=1)  # sliders that never moved satisfy the rule
             at = 2 * self.n + np.flatnonzero(~moved[0] & np.repeat(rest, 2))
             x[at] = self.sliders(motion[0], rest)[~moved[0].reshape(-1, 2)[rest].ravel()]
             away = float(np.abs((x - steady.x) / self.scale).max())
@@ -196,7 +196,7 @@ class Point:
         return steady, first
 
     def towards(self, x, dx, size, N: int):
-        """Return a state along a step that is nearer to one that repeats, and its miss; None where there is none."""
+        """Return a state along a step with a smaller residual, and this residual; None if there is none."""
         for k in range(HALVINGS):
             x_new = x + 0.5**k * dx * self.scale
             F = self.miss(x_new, N)
@@ -218,12 +218,12 @@ class Point:
             moved=moved[0].reshape(-1, 2).any(axis=1),
         )
 
-    # -- where to begin ------------------------------------------------------------------------------------------------
+    # -- initial states ------------------------------------------------------------------------------------------------
 
     def state_of(self, p, N: int = 256):
-        """Return the state at t = 0 of the motion that contact forces p (m, 3, N_H) keep up.
+        """Return the state at t = 0 of the motion under contact forces p (m, 3, N_H).
 
-        Sliders stand where the law of that motion has them from w = 0 at t = 0, when its cycle repeats: docs/theory.md, eq. (3.5).
+        Sliders have the position of the law for that motion from w = 0 at t = 0, in its steady cycle: docs/theory.md, eq. (3.5).
         """
         H = p.shape[-1] // 2
         y = self.respond(-self.R.T @ p.reshape(-1, 2 * H + 1))
@@ -235,7 +235,7 @@ class Point:
         return np.concatenate([y[:, 0] + y[:, 1::2].sum(axis=1), self.omega * y[:, 2::2] @ n, self.sliders(du)])
 
     def sliders(self, du, pairs=slice(None)):
-        """Return p_t (2 m,) of all or some pairs at the begin of a period of motion du (N, 3 m), from w = 0, when its cycle repeats."""
+        """Return p_t (2 m,) of all or some pairs at the start of a period of motion du (N, 3 m), from w = 0, in the steady cycle."""
         law = [values[pairs] for values in self.law]
         du = np.ascontiguousarray(du.reshape(len(du), self.m, 3)[:, pairs])
         p_t = np.zeros(2 * du.shape[1])

@@ -20,14 +20,14 @@ def beam_frequencies(n, *, length, EI, rhoA, ends=("clamped", "free"), shear_sti
     """
     time = np.sqrt(rhoA * length**4 / EI)
     slender, compliance = rhoI / (rhoA * length**2), EI / (shear_stiffness * length**2)
-    kept = [i for i in range(4) if i not in ENDS[ends[0]]]
+    unknowns = [i for i in range(4) if i not in ENDS[ends[0]]]
 
-    def determinant(a):  # a^2 = omega time
+    def determinant(a):  # a^2 is the dimensionless frequency
         w2 = a**4
-        # w' = theta + compliance Q,  theta' = m,  m' = -Q - slender w2 theta,  Q' = -w2 w   (all without dimension)
+        # w' = theta + compliance Q,  theta' = m,  m' = -Q - slender w2 theta,  Q' = -w2 w   (all dimensionless)
         A = np.zeros((4, 4))
         A[0, 1], A[0, 3], A[1, 2], A[2, 1], A[2, 3], A[3, 0] = 1.0, compliance, 1.0, -slender * w2, -1.0, -w2
-        transfer = expm(A)[np.ix_(ENDS[ends[1]], kept)]
+        transfer = expm(A)[np.ix_(ENDS[ends[1]], unknowns)]
         return np.linalg.det(transfer) / np.cosh(a)
 
     roots, a, before, step = [], 1.0, determinant(1.0), np.pi / 20.0
@@ -61,7 +61,7 @@ def bar_frequencies(n, *, length, young, density, ends=("clamped", "free")):
 
 
 def _plate_tables(degree):
-    """Return the matrices integral P_i^(r) P_j^(s) over -1 .. 1 for derivatives r, s = 0, 1, 2."""
+    """Return the matrices of the integrals of P_i^(r) P_j^(s) over -1 .. 1 for derivatives r, s = 0, 1, 2."""
     points, weights = legendre.leggauss(degree + 1)
     values = [
         np.array(

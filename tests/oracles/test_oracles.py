@@ -1,4 +1,4 @@
-"""The oracles against each other and against closed formulas."""
+"""The oracles compared with each other and with closed formulas."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BARS = [exact.FrictionBar(EA=2.0, L=3.0, q=1.5, k=k) for k in (0.5, 5.0, 500.0)]
 
 
 def one_pair(mu=0.4, N0=1.0, k_t=1.5, k_n=2.5, separate=False):
-    """A free pair, for the laws alone."""
+    """Return a free pair, to test the laws."""
     return scenes.make_system(
         "pair",
         np.eye(3),
@@ -32,13 +32,13 @@ def one_pair(mu=0.4, N0=1.0, k_t=1.5, k_n=2.5, separate=False):
 
 
 def random_cycle(n_samples=256, H=4, seed=3):
-    """Harmonics (1, 3, N_H) and samples (n_samples, 1, 3) of a cycle with sticking, slip and lift-off."""
+    """Return harmonics (1, 3, N_H) and samples (n_samples, 1, 3) of a cycle with sticking, slip and lift-off."""
     U = np.random.default_rng(seed).normal(size=(1, 3, 2 * H + 1)) * [[[0.5], [0.5], [0.25]]]
     return U, np.moveaxis(U @ scenes.harmonic_basis(H, n_samples), -1, 0)
 
 
 def largest_difference(balance, march):
-    """Largest difference of u over the period, over the peak of the march."""
+    """Return the largest difference of u over the period, relative to the peak of the march."""
     u = (balance.u_hat @ scenes.harmonic_basis(balance.u_hat.shape[1] // 2, len(march.u))).T
     return np.abs(u - march.u).max() / np.abs(march.u).max()
 
@@ -63,7 +63,7 @@ def test_sampled_jenkins_loop_converges_quadratically():
     assert errors[-1] < 1e-5 and np.all(rates > 1.7)
 
 
-def test_circular_path_keeps_the_force_at_its_limit_and_trailing():
+def test_force_of_a_circular_path_is_at_its_limit_with_a_constant_lag():
     pair, X = one_pair(mu=0.4, N0=1.0, k_t=1.5), 0.9
     U = np.zeros((1, 3, 3))
     U[0, 0, 1], U[0, 1, 2] = X, X  # (cos, sin)
@@ -74,7 +74,7 @@ def test_circular_path_keeps_the_force_at_its_limit_and_trailing():
     assert state == [1] and np.hypot(*T[0]) == pytest.approx(0.4, rel=1e-12)
 
 
-@pytest.mark.parametrize("gamma", [0.8, 2.0])  # the second lifts off
+@pytest.mark.parametrize("gamma", [0.8, 2.0])  # the pair lifts off with the second value
 def test_normal_force_in_phase_gives_the_exact_polygon(gamma):
     pair, X = one_pair(mu=0.3, N0=1.0, k_t=2.0, k_n=1.0), 1.0
     U = np.zeros((1, 3, 3))
@@ -91,7 +91,7 @@ def test_normal_force_in_phase_gives_the_exact_polygon(gamma):
 
 @pytest.mark.parametrize("law", ["return", "path"])
 @pytest.mark.parametrize("separate", [False, True])
-def test_both_codes_of_a_law_agree_step_by_step(separate, law):
+def test_two_implementations_of_a_law_agree_step_by_step(separate, law):
     pair = one_pair(separate=separate)
     _, du = random_cycle()
     du = du.reshape(-1, 3)
@@ -105,7 +105,7 @@ def test_both_codes_of_a_law_agree_step_by_step(separate, law):
     np.testing.assert_allclose(forces[-len(du) :], sampled[:, 0], atol=1e-13)
 
 
-def test_straight_step_is_the_limit_of_many_small_returns():
+def test_a_straight_step_is_the_limit_of_many_small_return_maps():
     rng = np.random.default_rng(5)
     for closing, closing_new in ((1.0, 1.0), (1.0, 0.3), (0.4, 1.2), (-0.5, 1.0), (1.0, -0.2)):
         T, e = rng.normal(size=2), 2.0 * rng.normal(size=2)
@@ -161,12 +161,12 @@ def test_an_open_gap_exerts_no_force_and_a_stuck_pair_is_its_spring():
     ("X", "published"),
     [(0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843))],
 )
-def test_one_harmonic_frequencies_have_the_published_values(X, published):
+def test_frequencies_of_one_harmonic_have_the_published_values(X, published):
     assert exact.jenkins_frequencies(X, 0.8, **JENKINS) == pytest.approx(published, abs=1e-12)
 
 
 @pytest.mark.parametrize("omega", [1.127402158122, 1.2, 1.463083257582])
-def test_balance_of_one_harmonic_meets_the_amplitude_equation(omega):
+def test_balance_of_one_harmonic_satisfies_the_amplitude_equation(omega):
     X = exact.jenkins_amplitude(omega, 0.8, **JENKINS)
     assert np.abs(exact.jenkins_frequencies(X, 0.8, **JENKINS) - omega).min() < 1e-11
     for n_samples in (128, 1024):
@@ -177,7 +177,7 @@ def test_balance_of_one_harmonic_meets_the_amplitude_equation(omega):
 @pytest.mark.parametrize(
     ("beta", "ratio", "published"), [(0.75, 0.2, 2.2385612), (0.9, 0.5, 4.2159037), (1.25, 0.2, 1.7082175), (1.5, 0.3, 0.7211103)]
 )
-def test_den_hartog_has_the_published_values_and_is_the_limit_of_stiff_jenkins(beta, ratio, published):
+def test_den_hartog_motion_has_published_values_and_is_the_limit_of_stiff_jenkins_elements(beta, ratio, published):
     motion = exact.den_hartog_motion(beta, ratio)
     assert motion.X == pytest.approx(published, abs=5e-8) and motion.is_valid
     errors = [
@@ -215,7 +215,7 @@ def test_every_scheme_converges_quadratically_to_the_exact_steady_state(scheme):
 
 
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
-def test_generalised_alpha_damps_the_highest_frequencies_as_asked(rho_inf):
+def test_generalised_alpha_has_the_requested_spectral_radius(rho_inf):
     system = scenes.spatial_mass()
     radius = np.abs(np.linalg.eigvals(time_integration.generalised_alpha(system, 1e6, rho_inf).Phi)).max()
     assert radius == pytest.approx(rho_inf, abs=1e-3)
@@ -223,7 +223,7 @@ def test_generalised_alpha_damps_the_highest_frequencies_as_asked(rho_inf):
     assert radius == pytest.approx(1.0, abs=1e-12)
 
 
-def test_time_integration_meets_den_hartog_with_a_stiff_element():
+def test_time_integration_with_a_stiff_element_agrees_with_den_hartog():
     system = scenes.den_hartog_mass()
     march = time_integration.steady_state(system, 0.75, 1.0, n_steps=1024, rho_inf=0.7)
     stiff = exact.jenkins_steady_state(0.75, 1.0, m=1.0, c=0.0, k=1.0, k_t=2000.0, muN=0.2)
@@ -246,7 +246,7 @@ POINTS = [  # and of the chain in micro-slip and gross slip: verification/test_m
 
 
 @pytest.mark.parametrize(("scene", "regime", "H", "scheme"), POINTS)
-def test_balance_meets_time_integration_from_rest(scene, regime, H, scheme):
+def test_balance_agrees_with_time_integration_from_rest(scene, regime, H, scheme):
     system = scenes.SCENES[scene]()
     level, omega, states = system["levels"][regime]
     march = time_integration.steady_state(system, omega, level, n_steps=512, harmonics=H, tolerance=1e-5, scheme=scheme)
@@ -257,7 +257,7 @@ def test_balance_meets_time_integration_from_rest(scene, regime, H, scheme):
     assert march.viscous + march.friction.sum() == pytest.approx(march.input, rel=1e-3)
 
 
-def test_the_upper_state_of_the_stop_is_periodic():
+def test_the_upper_solution_of_the_stop_is_periodic():
     system = scenes.gap_mass()
     level, omega, _ = system["levels"]["two states"]
     balance = harmonic_balance.follow(system, [0.7, 0.9, 1.0, omega], level, H=7, n_samples=256)[-1]
@@ -270,7 +270,7 @@ def test_the_upper_state_of_the_stop_is_periodic():
 
 
 @pytest.mark.study
-def test_radial_return_is_first_order_where_slip_turns_and_the_exact_path_second():
+def test_radial_return_is_first_order_and_the_exact_path_second_order_where_slip_rotates():
     system = scenes.spatial_mass()
     level, omega, _ = system["levels"]["slip"]
     start = harmonic_balance.solve(system, omega, level, H=3, n_samples=64, law="path").u_hat
@@ -286,7 +286,7 @@ def test_radial_return_is_first_order_where_slip_turns_and_the_exact_path_second
 
 
 @pytest.mark.parametrize(("scene", "regime"), [("jenkins", "onset"), ("spatial", "slip"), ("chain", "gross")])
-def test_balance_from_the_linear_solution_closes_its_energy(scene, regime):
+def test_balance_from_the_linear_solution_conserves_energy(scene, regime):
     system = scenes.SCENES[scene]()
     level, omega, states = system["levels"][regime]
     balance = harmonic_balance.solve(system, omega, level, H=5, n_samples=256)
@@ -295,12 +295,12 @@ def test_balance_from_the_linear_solution_closes_its_energy(scene, regime):
 
 
 def _normal_work(balance):
-    """The truncated normal force does a little work; it vanishes with H and the samples."""
+    """The truncated normal force does some work, which vanishes with more harmonics and samples."""
     return scenes.cycle_work(balance.f_hat, balance.du_hat)[:, 2].sum()
 
 
 @pytest.mark.parametrize("scene", sorted(scenes.SCENES))
-def test_scenes_are_sound(scene):
+def test_systems_are_symmetric_and_definite(scene):
     system = scenes.SCENES[scene]()
     for matrix in (system["M"], scenes.stuck_stiffness(system), scenes.damping_matrix(system)):
         np.testing.assert_allclose(matrix, matrix.T, atol=1e-12 * np.abs(matrix).max())
@@ -308,7 +308,7 @@ def test_scenes_are_sound(scene):
     assert all(len(states) == len(system["mu"]) for _, _, states in system["levels"].values())
 
 
-def test_load_phase_and_modal_damping_mean_what_they_say():
+def test_load_phase_and_modal_damping_follow_their_definitions():
     system, H = scenes.spatial_mass(), 3
     f = scenes.force_coefficients(system, 2.0, H) @ scenes.harmonic_basis(H, 50)
     theta = 2.0 * np.pi * np.arange(50) / 50
@@ -353,7 +353,7 @@ def test_friction_bar_tends_to_the_rigid_foundation():
     assert np.all(errors[1] < 1e-2) and np.all(errors[1] < errors[0])
 
 
-def test_spheres_dissipate_what_masing_says():
+def test_loss_of_spheres_follows_masing():
     data = {"mu": 0.3, "P": 10.0, "a": 0.1, "G": 80.0, "nu": 0.3}
     c = 2.0 * 1.7 / 80.0
 
@@ -379,7 +379,7 @@ def test_slender_beam_has_the_textbook_roots(ends, first):
     assert np.sqrt(omega) == pytest.approx(first, abs=1e-8)
 
 
-def test_pinned_timoshenko_beam_meets_its_closed_form():
+def test_a_pinned_timoshenko_beam_has_its_closed_form():
     length, EI, rhoA, rhoI, S = 2.0, 3.0, 5.0, 0.2, 40.0
     n = np.arange(1, 4)
     wave = (n * np.pi / length) ** 2

@@ -1,4 +1,4 @@
-"""Steady states by shooting (shooting.py) against exact solutions, the other oracles and plain time."""
+"""Steady states by shooting (shooting.py) compared with exact solutions, the other oracles and plain time integration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def system_of(name):
 
 
 @pytest.mark.parametrize("omega", [1.12, 1.2, 1.3])
-def test_the_jenkins_mass_is_exact_to_second_order(omega):
+def test_the_jenkins_mass_converges_to_second_order(omega):
     point = shooting.Point(system_of("jenkins"), 0.8, omega)
     a = exact.jenkins_steady_state(omega, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(1)
     errors, x = [], np.zeros(4)
@@ -30,7 +30,7 @@ def test_the_jenkins_mass_is_exact_to_second_order(omega):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["spatial", "chain"])
-def test_circles_varying_normal_force_and_lift_off_as_another_march_from_rest(name):
+def test_circles_varying_normal_force_and_lift_off_agree_with_a_march_from_rest(name):
     system = system_of(name)
     level, omega, states = max(system["levels"].values())
     march = time_integration.steady_state(system, omega, level, n_steps=128, tolerance=1e-5, scheme="exponential")
@@ -44,7 +44,7 @@ def test_circles_varying_normal_force_and_lift_off_as_another_march_from_rest(na
     assert 2 in states and np.array_equal(steady.moved, np.array(states) > 0)
 
 
-def test_what_sticks_is_linear_to_rounding():
+def test_a_stuck_motion_is_linear_to_rounding():
     system = system_of("chain")
     point = shooting.Point(system, 1e-3, 560.0)
     steady = point.steady(np.zeros(18 + 4), 64)
@@ -52,8 +52,8 @@ def test_what_sticks_is_linear_to_rounding():
 
 
 @pytest.mark.parametrize("separate", [False, True])
-def test_sliders_under_a_given_motion_as_the_law_of_path(separate):
-    """They differ in how fast slip turns, by the second order of the step; not at all with separate limits."""
+def test_sliders_under_a_given_motion_agree_with_the_path_law(separate):
+    """They differ in the rotation of slip, by second order of the step; not at all with separate limits."""
     rng, m = np.random.default_rng(7), 12
     U = rng.normal(size=(m, 3, 7)) * [[[1.0], [1.0], [0.4]]]
     system = scenes.make_system(
@@ -83,8 +83,8 @@ def test_sliders_under_a_given_motion_as_the_law_of_path(separate):
     assert differences[1] < (1e-12 if separate else 5e-3) and (separate or differences[0] > 8.0 * differences[1])
 
 
-def test_a_drifting_slider_needs_no_time():
-    """What plain time reaches after many periods is where Newton's method is at once."""
+def test_drifting_sliders_reach_their_steady_state_at_once():
+    """The state that plain time integration reaches after many periods is reached by Newton's method at once."""
     system = system_of("spatial")
     level, omega, _ = max(system["levels"].values())
     point = shooting.Point(system, level, omega)

@@ -1,6 +1,6 @@
 """Steady state of M u'' + C u' + K u + R^T f_nl(R u) = f_ex(t) by direct time integration.
 
-Every scheme is brought to one linear step of its state z (u comes first in z) with the contact force f at both ends:
+Every scheme is written as one linear step of its state z (u comes first in z) with the contact force f at both ends:
     z_free = Phi z + Psi f + b,    z+ = z_free - Gam f+,    du+ = D z+,    f+ = f_nl(du+, T)
 so that only the 3 n_pairs relative displacements are iterated: du+ + D Gam f+ = D z_free.  Schemes:
     generalised-alpha   Chung and Hulbert's, rho_inf sets the damping of the highest frequencies; 1 conserves energy
@@ -96,7 +96,7 @@ def exponential(system, h):
 
 
 def explicit(system, h):
-    """Return the leapfrog scheme with z = (u, v half a step before)."""
+    """Return the leapfrog scheme with z = (u, v half a step earlier)."""
     M, K, C, R = system["M"], system["K"], damping_matrix(system), system["R"]
     n, one = len(M), np.eye(len(M))
     fastest = stuck_frequencies(system).max()
@@ -130,7 +130,7 @@ class Contacts:
     def law(self, f_stick):
         """Return f (3 n_pairs,), the rows of its tangent (three of three for each pair) and each pair's state.
 
-        ``f_stick`` (list) is what the springs would carry if every pair stuck: predictor of T, unlimited normal force.
+        ``f_stick`` (list) are the forces of the springs if every pair stuck: predictor of T, unlimited normal force.
         """
         f, rows, state = [], [], []
         for i, (mu, N0, k_t, k_n, separate) in enumerate(self.pairs):
@@ -158,7 +158,7 @@ class Contacts:
         return np.array(f)
 
     def tangent(self, rows):
-        """Return d f / d du, (3 n_pairs, 3 n_pairs) [N/m]; pairs do not feel each other."""
+        """Return d f / d du, (3 n_pairs, 3 n_pairs) [N/m]; pairs are not coupled."""
         J = np.zeros_like(self.one)
         for i, block in enumerate(rows):
             J[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
@@ -177,7 +177,7 @@ class Contacts:
             return new, f_new, state
         bound = 1e-13 * (max(map(abs, new.tolist())) + max(map(abs, du_free.tolist())))
         for _ in range(max_iterations):
-            if self.follows_path:  # its tangent differs from that of the radial return by the turn within a step
+            if self.follows_path:  # its tangent differs from that of the radial return by the rotation within a step
                 f_new = self.along_path(f_new, (base + self.K_J * new).tolist(), f_before, state)
             gap = du_free - new - self.G @ f_new
             if max(map(abs, gap.tolist())) <= bound:
@@ -199,7 +199,7 @@ def straight_step(T, e, closing, closing_new, mu):
     (Tx, Ty), (ex, ey) = T, e
     if closing_new <= 0.0:
         return [0.0, 0.0]
-    if closing < 0.0:  # closes on the way
+    if closing < 0.0:  # closes in the step
         share = closing_new / (closing_new - closing)
         Tx, Ty, ex, ey, closing = 0.0, 0.0, share * ex, share * ey, 0.0
     growth = mu * (closing_new - closing)
@@ -236,7 +236,7 @@ def _limit_circle(Tx, Ty, mu, N, dN, k_t):
 
 
 def _limit_separate(Tx, Ty, mu, N, dN, k_t):
-    """The same with each direction limited on its own."""
+    """Return the same with an independent limit in each direction."""
     limit, T, rows, slips = mu * N, [], [], False
     for direction, predictor in enumerate((Tx, Ty)):
         row = [0.0, 0.0, 0.0]
@@ -279,7 +279,7 @@ class March:
         return np.concatenate([u, v, a])[: len(self.scheme.Phi)], du, f
 
     def velocity(self, z, du, f):
-        """Return the velocity at the sample of ``z`` (leapfrog keeps it half a step earlier)."""
+        """Return the velocity at the sample of ``z`` (leapfrog stores it half a step earlier)."""
         v = z[self.n : 2 * self.n]
         if not self.explicit:
             return v
@@ -324,7 +324,7 @@ def steady_state(
     coarse=4,
     **options,
 ):
-    """March until one period repeats the one before, and return its ``SteadyState``.
+    """March until one period repeats the previous one, and return its ``SteadyState``.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ def steady_state(
     n_steps, harmonics : steps per period; harmonics of the returned coefficients
     tolerance : largest change of u from period to period over the largest |u|; the remaining distance from the
         steady state is about this over the decay per period (2 pi zeta for a resonance)
-    ramp_cycles : the load grows linearly over so many periods, so that the beginning leaves no slip of its own
+    ramp_cycles : the load grows linearly over so many periods, so that the start causes no slip
     start : u (n,), v (n,), T (n_pairs, 2) at t = 0 instead of rest; no ramp then
     coarse : the transient is marched with n_steps / coarse steps first
     options : law, "path" or "return"; rho_inf for generalised-alpha
@@ -350,7 +350,7 @@ def steady_state(
         march = March(system, omega, level, steps, scheme, **options)
         z, du, f = march.begin(np.asarray(u), np.asarray(v), T)
         before, change = None, np.inf
-        last_cycle = max_cycles if steps == n_steps else max_cycles // 4  # coarse steps need not settle
+        last_cycle = max_cycles if steps == n_steps else max_cycles // 4  # coarse steps need not converge
         while change > tolerance and cycles < last_cycle:
             ramp = None
             if cycles < ramp_cycles:
