@@ -99,7 +99,7 @@ def test_empty_blocks_and_sets_of_an_exodus_file_hide_no_others(tmp_path):
         (lambda text: "nonsense\n", "holds no nodes"),
     ],
 )
-def test_damaged_universal_files_are_refused(tmp_path, change, says):
+def test_damaged_universal_files_are_rejected(tmp_path, change, says):
     (tmp_path / "model.unv").write_text(change(unv(plain())))
     with pytest.raises(CaseError, match=f"model.unv: .*{says}"):
         read_model(tmp_path / "model.unv")

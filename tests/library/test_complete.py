@@ -1,4 +1,4 @@
-"""A scene completed by its model file: what the scene states stands, what changes the answer is never left out in silence."""
+"""A scene completed by its model file: the scene has priority, and entries that change the result are never dropped silently."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ OUTPUT = Finding(word="*NODE PRINT", where="line 9", effect="output alone", chan
 
 
 def model(**more):
-    """Return a model file that states everything, in mm, t and s."""
+    """Return a model file with all tables, in mm, t and s."""
     stated = {
         "materials": {"STEEL": STEEL},
         "bodies": {"beam": Body.of_file(group="beam", material="STEEL", integration="reduced")},
@@ -33,7 +33,7 @@ def model(**more):
 
 
 def scene(path, of_model=None, **more):
-    """Return a scene that leaves everything to its model file."""
+    """Return a scene that takes all tables from its model file."""
     path.mkdir(exist_ok=True)
     (path / "job.inp").write_text("")
     tables = {
@@ -46,7 +46,7 @@ def scene(path, of_model=None, **more):
     return scene_of({**tables, **more}, path / "scene.toml")
 
 
-def test_everything_is_taken_over_in_si_units(tmp_path):
+def test_all_tables_of_the_model_file_are_converted_to_si_units(tmp_path):
     completed, notes = complete(scene(tmp_path), model())
     assert completed.model.metres == 1e-3
     assert completed.materials["STEEL"].young == pytest.approx(2.1e11)
@@ -59,7 +59,7 @@ def test_everything_is_taken_over_in_si_units(tmp_path):
     assert "1 body taken over from job.inp: beam" in notes
 
 
-def test_what_the_scene_states_stands(tmp_path):
+def test_tables_of_the_scene_have_priority(tmp_path):
     own = {"young": 7e10, "poisson": 0.33, "density": 2700.0}
     stated = scene(
         tmp_path,
@@ -74,14 +74,14 @@ def test_what_the_scene_states_stands(tmp_path):
     assert len(completed.ties) == 1
 
 
-def test_take_adds_to_what_the_scene_states_and_leaves_the_rest(tmp_path):
+def test_take_adds_the_listed_tables_of_the_file_only(tmp_path):
     own = ({"group": "other_root", "fix": ("x",)},)
     completed, _ = complete(scene(tmp_path, {"take": ("materials", "bodies", "supports")}, supports=own), model())
     assert [support.group for support in completed.supports] == ["root", "other_root"]
     assert completed.ties == () and completed.points == ()
 
 
-def test_a_joint_takes_the_place_of_a_tie_or_a_contact_between_its_surfaces(tmp_path):
+def test_a_joint_replaces_a_tie_or_a_contact_between_its_surfaces(tmp_path):
     keys = {"name": "j", "friction": 0.3, "tangential_stiffness": 1e12, "normal_stiffness": 1e12, "preload": 1e6}
     tied = scene(tmp_path, joints=({**keys, "surfaces": ("beam_top", "pad")},))
     assert complete(tied, model())[0].ties == ()
@@ -92,7 +92,7 @@ def test_a_joint_takes_the_place_of_a_tie_or_a_contact_between_its_surfaces(tmp_
     assert not any("left out" in note for note in notes)
 
 
-def test_what_changes_the_answer_is_refused_unless_the_scene_waives_it_by_name(tmp_path):
+def test_entries_that_change_the_result_are_rejected_unless_ignored_by_name(tmp_path):
     with pytest.raises(CaseError, match=r"(?s)job.inp: 1 entries .*\[model\] ignore takes .\*CONTACT PAIR..*line 7.*in contact"):
         complete(scene(tmp_path), model(findings=(CONTACT, OUTPUT)))
     completed, notes = complete(scene(tmp_path, {"ignore": ("contact pair",)}), model(findings=(CONTACT, OUTPUT)))
@@ -104,7 +104,7 @@ def test_what_changes_the_answer_is_refused_unless_the_scene_waives_it_by_name(t
         complete(scene(tmp_path, {"ignore": ("*CONTACT PAIRS",)}), model(findings=(CONTACT,)))
 
 
-def test_a_finding_of_a_part_that_is_not_taken_over_has_no_effect(tmp_path):
+def test_entries_of_tables_that_are_not_used_have_no_effect(tmp_path):
     moved = Finding(word="*BOUNDARY", where="line 3", effect="a displacement other than 0", changes=True, part="supports")
     own = ({"group": "other_root", "fix": ("x",)},)
     complete(scene(tmp_path, supports=own), model(findings=(moved,)))
@@ -149,12 +149,12 @@ def test_loads_before_the_vibration_become_statics(tmp_path):
     )
 
 
-def test_loads_before_the_vibration_are_stated_taken_or_left_out(tmp_path):
+def test_loads_before_the_vibration_are_stated_used_or_ignored(tmp_path):
     pulled = {"forces": ({"group": "root", "force": (7.0, 0.0, 0.0)},)}
     completed, _ = complete(scene(tmp_path, statics=pulled), model(**LOADED))
     assert completed.statics.bolts == () and not completed.statics.deformed_shape and completed.model.axis is None
     completed, _ = complete(scene(tmp_path, {"take": ("bodies", "materials", "statics")}, statics=pulled), model(**LOADED))
-    assert [one.group for one in completed.statics.forces] == ["tip", "root"] and len(completed.statics.bolts) == 1
+    assert [force.group for force in completed.statics.forces] == ["tip", "root"] and len(completed.statics.bolts) == 1
     findings = (*LOADED["findings"], GRAVITY)
     assert complete(scene(tmp_path, {"ignore": (WORD,)}), model(**{**LOADED, "findings": findings}))[0].statics is None
     with pytest.raises(CaseError, match=r'1 entries .*takes "\*DLOAD, GRAV"'):
@@ -165,7 +165,7 @@ def test_loads_before_the_vibration_are_stated_taken_or_left_out(tmp_path):
         complete(scene(tmp_path, {"take": ("bodies", "materials")}), model(**LOADED))
 
 
-def test_large_displacements_and_moved_supports_of_the_file_become_those_of_the_scene(tmp_path):
+def test_large_displacements_and_moved_supports_of_the_file_are_used(tmp_path):
     moved = (MovedSupport.of_file(group="pad", displacement=(0.0, 0.0, -0.5)),)
     table = LOADED["statics"].table.with_keys(bolts=(), displacements=moved)
     held = replace(LOADED["statics"], table=table, large="*STEP, NLGEOM")
@@ -178,7 +178,7 @@ def test_large_displacements_and_moved_supports_of_the_file_become_those_of_the_
     assert "line 7: *STEP, NLGEOM is left out: large displacements" in notes
 
 
-def test_a_joint_may_wait_for_the_statics_of_the_file(tmp_path):
+def test_a_joint_may_depend_on_the_statics_of_the_file(tmp_path):
     keys = {"name": "j", "friction": 0.3, "tangential_stiffness": 1e12, "normal_stiffness": 1e12, "preload": "static"}
     tied = scene(tmp_path, joints=({**keys, "surfaces": ("a", "b")},))
     assert complete(tied, model(**LOADED))[0].statics.forces
@@ -186,7 +186,7 @@ def test_a_joint_may_wait_for_the_statics_of_the_file(tmp_path):
         complete(tied, model())
 
 
-def test_materials_in_part_and_unknown_units_are_refused(tmp_path):
+def test_incomplete_materials_and_unknown_units_are_rejected(tmp_path):
     light = model(materials={"STEEL": Material.of_file(young=1.0, poisson=0.3)})
     with pytest.raises(CaseError, match=r"material 'STEEL' of job.inp has no density; state \[materials.STEEL\]"):
         complete(scene(tmp_path), light)
@@ -195,19 +195,19 @@ def test_materials_in_part_and_unknown_units_are_refused(tmp_path):
     )
     with pytest.raises(CaseError, match="state units = 'm-kg-s'"):
         complete(scaled, model())
-    alone = model(materials={}, connected=(), bodies={"beam": Body.of_file(group="beam", material="own")})
+    without_materials = model(materials={}, connected=(), bodies={"beam": Body.of_file(group="beam", material="own")})
     stated = {"materials": {"own": {"young": 2.1e11, "poisson": 0.3, "density": 7850.0}}}
-    (tie,) = complete(scene_of({**scaled.model_dump(exclude_unset=True), **stated}, tmp_path / "s"), alone)[0].ties
-    assert tie.tolerance == pytest.approx(1e-4)  # a length, which scale tells
+    (tie,) = complete(scene_of({**scaled.model_dump(exclude_unset=True), **stated}, tmp_path / "s"), without_materials)[0].ties
+    assert tie.tolerance == pytest.approx(1e-4)  # a length, converted by scale
 
 
 def test_a_completed_scene_is_not_completed_again(tmp_path):
     completed, _ = complete(scene(tmp_path), model())
-    again, notes = complete(changed(completed, {"solver": {"harmonics": 5}}), model())
-    assert len(again.ties) == 1 and notes == () and again.solver.harmonics == 5
+    completed_again, notes = complete(changed(completed, {"solver": {"harmonics": 5}}), model())
+    assert len(completed_again.ties) == 1 and notes == () and completed_again.solver.harmonics == 5
 
 
-def test_bodies_are_missing_where_neither_scene_nor_file_has_any(tmp_path):
+def test_missing_bodies_are_rejected(tmp_path):
     with pytest.raises(CaseError, match=r"\[bodies\] is missing"):
         complete(scene(tmp_path), model(bodies={}))
 
@@ -225,7 +225,7 @@ RUBBING = Joint.of_file(
 IN_CONTACT = {**LOADED, "joints": (RUBBING,), "findings": (*LOADED["findings"], CONTACT)}
 
 
-def test_a_contact_of_the_file_becomes_a_joint_that_its_loads_press(tmp_path):
+def test_a_contact_of_the_file_becomes_a_joint_preloaded_by_its_loads(tmp_path):
     completed, notes = complete(scene(tmp_path), model(**IN_CONTACT))
     (joint,) = completed.joints
     assert (joint.name, joint.surfaces, joint.pairing, joint.friction) == ("lap", ("upper", "lower"), "points", 0.3)
@@ -238,7 +238,7 @@ def test_a_contact_of_the_file_becomes_a_joint_that_its_loads_press(tmp_path):
     assert (joint.gap, joint.tolerance) == ("geometry", None)
 
 
-def test_a_contact_of_the_file_gives_way_to_the_scene(tmp_path):
+def test_a_joint_of_the_scene_has_priority_over_a_contact_of_the_file(tmp_path):
     keys = {"name": "j", "friction": 0.1, "tangential_stiffness": 1e12, "normal_stiffness": 1e12, "preload": 1e6}
     stated = scene(tmp_path, joints=({**keys, "surfaces": ("lower", "upper")},))
     assert [joint.name for joint in complete(stated, model(**IN_CONTACT))[0].joints] == ["j"]

@@ -1,4 +1,4 @@
-"""The scene stops at the door: no room of the numerics imports it, takes it, or leaves a parameter of that kind untyped."""
+"""Scenes end at the library: no room of the numerics imports them or takes them as arguments, and all parameters have types."""
 
 import ast
 import re
@@ -18,20 +18,20 @@ TYPED = {"comm", "linearised", "modes", "pairs", "system", "stuck", "settings", 
 ASKS = re.compile(
     r"\.is_constant|\.is_static|harmonics (==|>|!=) 0|highest (==|>) 0|(if|and|or|not) scene\.(solver\.)?harmonics\b"
 )
-MOST_ASK = 13  # files that ask whether this is static, beside those where it is answered
+MOST_FILES = 13  # files that query whether a problem is static, except those that define it
 ANSWER = {"fourier/harmonics.py", "continuation/problems.py", "results/measures.py", "scene/schema.py"}
 
 
-def test_few_places_ask_whether_all_is_static():
+def test_few_files_query_whether_a_problem_is_static():
     files = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in ROOT.rglob("*.py")}
     asking = sorted(name for name, text in files.items() if ASKS.search(text) and name not in ANSWER)
-    assert len(asking) <= MOST_ASK, asking
-    asked = {each[0] for name in asking for each in ASKS.finditer(files[name])}
-    assert asked == {".is_constant", ".is_static"}, "Harmonics and Problem say is_constant, Scene and Shown is_static"
+    assert len(asking) <= MOST_FILES, asking
+    queried = {each[0] for name in asking for each in ASKS.finditer(files[name])}
+    assert queried == {".is_constant", ".is_static"}, "Harmonics and Problem say is_constant, Scene and Shown is_static"
 
 
 @pytest.mark.parametrize("room", BEYOND)
-def test_no_scene_beyond_the_door(room):
+def test_numerics_do_not_use_scenes(room):
     files = sorted((ROOT / room).rglob("*.py"))
     assert files
     for file in files:
@@ -40,6 +40,6 @@ def test_no_scene_beyond_the_door(room):
                 assert "scene" not in (node.module or "").split(".") and "library" not in (node.module or "").split("."), file
             if isinstance(node, ast.FunctionDef):
                 arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
-                assert "scene" not in [one.arg for one in arguments], f"{file}: {node.name}"
-                untyped = [one.arg for one in arguments if one.arg in TYPED and one.annotation is None]
+                assert "scene" not in [argument.arg for argument in arguments], f"{file}: {node.name}"
+                untyped = [argument.arg for argument in arguments if argument.arg in TYPED and argument.annotation is None]
                 assert not untyped, f"{file}: {node.name}: {untyped}"

@@ -1,4 +1,4 @@
-"""What a log says before the levels are followed."""
+"""The log before the levels are followed."""
 
 import numpy as np
 import pytest
@@ -18,5 +18,5 @@ from microslip.library.follow_response import _in_words
         ([0.0, np.inf], "pairs that slip or are open at any level: 1 of 2"),
     ],
 )  # fmt: skip
-def test_from_which_levels_pairs_slip(levels, says):
+def test_the_log_states_the_levels_at_which_pairs_begin_to_slip(levels, says):
     assert _in_words(np.array(levels), 10.0) == f"by the linear peak, {says}"

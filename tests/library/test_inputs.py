@@ -1,4 +1,4 @@
-"""The files that a scene reads: those it names, what they include, what lies beside them; their sizes and hashes."""
+"""The input files of a scene: named files, their includes, related files; their sizes and hashes."""
 
 import builtins
 import hashlib
@@ -27,7 +27,7 @@ def _written(folder: Path, files: dict[str, str]) -> Path:
 
 
 def _opened(path: Path, monkeypatch) -> set[Path]:
-    """Return the files beside the first one that its reader opens."""
+    """Return the files, other than the first, that its reader opens."""
     seen, plain_open = set(), builtins.open
 
     def watched(name, *args, **keys):
@@ -41,7 +41,7 @@ def _opened(path: Path, monkeypatch) -> set[Path]:
     return seen - {path}
 
 
-def test_includes_of_abaqus_are_those_that_its_reader_opens(tmp_path, monkeypatch):
+def test_includes_of_abaqus_are_the_files_opened_by_its_reader(tmp_path, monkeypatch):
     path = _written(
         tmp_path,
         {
@@ -59,7 +59,7 @@ def test_includes_of_abaqus_are_those_that_its_reader_opens(tmp_path, monkeypatc
     assert set(included_files(path)) == _opened(path, monkeypatch)
 
 
-def test_includes_of_nastran_are_those_that_its_reader_opens(tmp_path, monkeypatch):
+def test_includes_of_nastran_are_the_files_opened_by_its_reader(tmp_path, monkeypatch):
     pytest.importorskip("pyNastran")
     grids = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,0.,0.,1.\n"
     cards = "CTETRA,1,1,1,2,3,4\nPSOLID,1,1\nMAT1,1,2.1+11,,.3,7800.\n"
@@ -75,7 +75,7 @@ def test_includes_of_nastran_are_those_that_its_reader_opens(tmp_path, monkeypat
     assert set(included_files(path)) == _opened(path, monkeypatch)
 
 
-def test_what_readers_refuse_is_no_input_and_no_endless_loop(tmp_path):
+def test_includes_rejected_by_readers_are_no_input_and_no_endless_loop(tmp_path):
     _written(tmp_path, {"outside.inc": NODES})
     within = "*INCLUDE, INPUT=../../outside.inc\n*INCLUDE, INPUT=absent.inc\n*INCLUDE, INPUT=model.inp\n*INCLUDE, INPUT=\0\n"
     path = _written(tmp_path, {"folder/model.inp": within + "*INCLUDE, INPUT=again.inc\n", "folder/again.inc": within})
@@ -84,7 +84,7 @@ def test_what_readers_refuse_is_no_input_and_no_endless_loop(tmp_path):
 
 
 @pytest.mark.parametrize("before", [0, 2**20 - 30, 2**20 - 12, 2**20, 2**20 + 5])
-def test_includes_are_found_wherever_a_block_ends(tmp_path, before):
+def test_includes_are_detected_at_the_end_of_any_block(tmp_path, before):
     lines = "1, 0.0, 0.0, 0.0\n" * (before // 17)
     path = _written(
         tmp_path, {"m.inp": "*NODE\n" + lines + "*INCLUDE, INPUT=nodes.inc", "nodes.inc": "", "nodes.in": "", "n": ""}
@@ -92,7 +92,7 @@ def test_includes_are_found_wherever_a_block_ends(tmp_path, before):
     assert [each.name for each in included_files(path)] == ["nodes.inc"]
 
 
-def test_a_scene_of_matrices_reads_them_and_what_lies_beside_them():
+def test_inputs_of_a_scene_of_matrices_include_related_files():
     computed = dict(input_files(read_scene(JOBS / "calculix_blocks.toml")))
     names = {key: path.name for key, path in computed.items()}
     assert names["[model] stiffness"] == "calculix_blocks.sti" and names["beside calculix_blocks.sti"] == "calculix_blocks.dof"
@@ -110,6 +110,6 @@ def test_size_and_hash_are_those_of_the_bytes(tmp_path):
     assert fingerprint([("a", tmp_path / "file")])[0].sha256 != first.sha256
 
 
-def test_a_file_that_has_gone_is_named(tmp_path):
+def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(CaseError, match="gone.csv: No such file"):
         fingerprint([("[model] dofs", tmp_path / "gone.csv")])

@@ -1,4 +1,4 @@
-"""Jumps of cycles against the closed form of one pair that slides by a prescribed amplitude between rigid bodies."""
+"""Jumps of cycles compared with the closed form of one pair that slides by a prescribed amplitude between rigid bodies."""
 
 from dataclasses import dataclass, replace
 
@@ -26,15 +26,15 @@ class Slid:
 
 
 def by_formula(depth):
-    """Return the cycle of a Jenkins element whose preload yields to the depth."""
+    """Return the cycle of a Jenkins element whose preload decreases with the depth."""
     N = N0 - K * depth
     return Slid(4.0 * MU * N * np.maximum(X - MU * N / K, 0.0))
 
 
 def by_law(depth):
-    """Return the same cycle from the contact law of the program."""
-    one = np.ones(1)
-    law = ElasticCoulomb(MU * one, N0 - K * depth, K * one, K * one, np.zeros(1, dtype=bool))
+    """Return the same cycle by the contact law of the program."""
+    ones = np.ones(1)
+    law = ElasticCoulomb(MU * ones, N0 - K * depth, K * ones, K * ones, np.zeros(1, dtype=bool))
     U = np.zeros((1, 3, 3))
     U[0, 0, 1] = X
     return Slid(pair_energy(U, law.cycle(U, SAMPLES, tangents=False).p))
@@ -51,7 +51,7 @@ def logistic(cycles):
     return 1.0 / (b / X + (1.0 / N0 - b / X) * np.exp(a * X * cycles))
 
 
-def test_jumps_meet_the_closed_form():
+def test_jumps_agree_with_the_closed_form():
     last = worn(FINE)[-1]
     print(f"depth {last.depth[0] / DEPTH - 1.0:.1e}, preload {(N0 - K * last.depth[0]) / PRELOAD - 1.0:.1e}")
     assert last.cycles == CYCLES
@@ -60,7 +60,7 @@ def test_jumps_meet_the_closed_form():
     assert last.depth[0] == pytest.approx(DEPTH, rel=1e-6)
 
 
-def test_the_cycle_of_the_law_wears_like_the_formula():
+def test_wear_by_the_contact_law_agrees_with_the_formula():
     control = JumpControl(CYCLES, most=4e-7, tolerance=1e-2)
     of_law, of_formula = worn(control, by_law), worn(control)
     assert of_law[-1].depth[0] == pytest.approx(of_formula[-1].depth[0], rel=20.0 / SAMPLES**2)
@@ -90,7 +90,7 @@ def test_the_tolerance_bounds_the_error(tolerance):
 
 
 def test_a_joint_that_loses_its_preload_wears_to_its_end():
-    """The preload falls to zero exponentially; a midpoint beyond it, where nothing slides, is no rest."""
+    """The preload falls to zero exponentially; a midpoint beyond zero, where nothing slides, is no equilibrium."""
     per_cycle = 0.1
 
     def evaluate(depth):
@@ -104,7 +104,7 @@ def test_a_joint_that_loses_its_preload_wears_to_its_end():
     assert abs(1.0 - states[-1].depth[0]) < 1e-5
 
 
-def test_no_jump_is_deeper_than_asked():
+def test_jumps_are_limited_to_the_requested_depth():
     depth = np.array([state.depth[0] for state in worn(JumpControl(CYCLES, most=3e-7, tolerance=0.5))])
     assert np.diff(depth).max() < 1.1 * 3e-7
 
@@ -114,12 +114,12 @@ def test_volume_is_that_of_the_energy():
         assert state.depth == pytest.approx(PER_ENERGY * state.energy, rel=1e-14)
 
 
-def test_nothing_wears_that_does_not_slide():
+def test_a_pair_that_does_not_slide_does_not_wear():
     (only,) = worn(FINE, lambda depth: Slid(np.zeros(1)))
     assert only.cycles == 0.0 and only.depth[0] == 0.0
 
 
-def test_too_many_jumps_end_with_what_there_is():
+def test_too_many_jumps_return_the_completed_jumps():
     control, states = JumpControl(CYCLES, most=1e-8, tolerance=1e-2, most_jumps=5), []
     first = WornState(0.0, np.zeros(1), np.zeros(1), by_formula(np.zeros(1)))
     with pytest.raises(ConvergenceError, match="5 jumps have led to"):

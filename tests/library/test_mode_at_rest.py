@@ -1,4 +1,4 @@
-"""A range about a mode that counts with pairs of a gap closed: `check` and `run` state it, with the frequency at rest."""
+"""A range about a mode whose number includes pairs of a closed gap: `check` and `run` state it, with the frequency at rest."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ SYSTEM = scenes.make_system(
         (None, {}, None),
     ],
 )
-def test_the_frequency_at_rest_of_a_mode_that_counts_with_closed_gaps_is_stated(tmp_path, program, mode, changes, says):
+def test_the_frequency_at_rest_of_a_mode_with_closed_gaps_is_stated(tmp_path, program, mode, changes, says):
     path = write_matrix_scene(tmp_path, SYSTEM | changes, [0.01], (0.5, 2.0), harmonics=1, samples=32, points=5)
     about = ["--set", f"response={{levels=[0.01], points=5, mode={mode}, span=[0.97, 1.02]}}"] if mode else []
     _, checked, _ = program("check", path, *about)

@@ -27,7 +27,7 @@ COMM = MPI.COMM_WORLD
 
 
 def one_mass(**changes):
-    """Return the mass on a Jenkins element of docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
+    """Return one mass on a Jenkins element, as in docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
     system = scenes.jenkins_mass()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
@@ -35,7 +35,7 @@ def one_mass(**changes):
 
 
 def two_masses():
-    """Two masses that do not touch, of which the first alone has a joint."""
+    """Return two separate masses, of which only the first has a joint."""
     return scenes.make_system(
         "two masses",
         np.eye(2),
@@ -54,7 +54,7 @@ def two_masses():
 
 
 def on_a_stop():
-    """Return a mass that does not reach a stop with friction at rest."""
+    """Return a mass with a gap to a stop with friction."""
     return scenes.make_system(
         "stop",
         np.eye(2),
@@ -73,7 +73,7 @@ def on_a_stop():
 
 
 def one_slack():
-    """The two masses with a second joint, closed without a preload, at the second mass."""
+    """Return the two masses with a second joint, closed without a preload, at the second mass."""
     both = {
         name: np.array(values)
         for name, values in {"mu": [1.0] * 2, "N0": [1.0, 0.0], "k_t": [1.0] * 2, "k_n": [0.0, 1.0]}.items()
@@ -83,7 +83,7 @@ def one_slack():
 
 @pytest.fixture
 def scene_file(shared_path):
-    """Return what writes a scene and returns its path.  Collective."""
+    """Return a function that writes a scene and returns its path.  Collective."""
 
     def write(system, frequencies=(0.5, 2.0), levels=(0.4,), **solver):
         solver = {"harmonics": 1, "samples": 512, "tolerance": 1e-9} | solver
@@ -94,7 +94,7 @@ def scene_file(shared_path):
 
 @pytest.fixture
 def structure(scene_file):
-    """Return what builds one.  Collective."""
+    """Return a function that builds a structure.  Collective."""
     built = []
 
     def build(*args, **how):
@@ -107,14 +107,14 @@ def structure(scene_file):
 
 
 @pytest.mark.parametrize("loss", (-4.0e-36, 0.0, 4.0e-36))
-def test_rounding_of_the_loss_where_nothing_slips_yet_is_no_gross_slip(loss):
+def test_rounding_of_the_loss_of_stuck_pairs_is_no_gross_slip(loss):
     none = np.zeros((1, 3)), np.zeros(1), np.full(1, STICK)
     points = [ModePoint(amplitude, 1.0, -0.02, *none, friction, 0.01, 1.0) for amplitude, friction in ((1.0, loss), (1.1, -loss))]
     assert not comes_to_gross_slip(points[:1]) and not comes_to_gross_slip(points)
     assert all(point.damping_by_friction == 0.0 for point in points)
 
 
-def test_frequency_damping_and_friction_are_those_of_the_closed_form(structure):
+def test_frequency_damping_and_friction_have_their_closed_form(structure):
     mode = microslip.backbone(structure(one_mass()))
     assert mode.failure is None and mode.first_slip == pytest.approx(1.0)
     assert mode.linear_frequency == pytest.approx(np.sqrt(2.0) / (2.0 * np.pi))
@@ -130,8 +130,8 @@ def test_frequency_damping_and_friction_are_those_of_the_closed_form(structure):
         assert point.supplied == pytest.approx(point.friction + np.pi * 0.02 * point.omega * X**2)
 
 
-def test_changes_with_twice_the_samples_are_the_error(structure):
-    """Three quarters of the error by samples, which falls with their square; harmonics above 1 change nothing of one."""
+def test_changes_with_twice_the_samples_estimate_the_error(structure):
+    """Three quarters of the error by samples, which falls with their square; one mass has no harmonics above 1."""
     mode = microslip.backbone(structure(one_mass(), samples=64), quasi_static=False)
     assert len(mode.checks) == 6
     for check in mode.checks:
@@ -159,7 +159,7 @@ def test_points_without_a_solution_with_twice_the_harmonics_are_stated(structure
 
 @pytest.mark.ranks(1)
 def test_phase_resonance_and_synthesis_are_forced_responses(structure):
-    """With one mode the synthesis is the truth, but for the damping, which friction has at the frequency of the mode."""
+    """With one mode the synthesis is exact, except that the friction damping is at the frequency of the mode."""
     built = structure(one_mass(), points=40)
     mode, response = microslip.backbone(built), microslip.respond(built, peaks=True, error_bars=False)
     (peak,) = [peak for peak in response.peaks[0.4] if peak.output == 0]
@@ -177,8 +177,8 @@ def test_phase_resonance_and_synthesis_are_forced_responses(structure):
 
 
 @pytest.mark.ranks(1)
-def test_statics_and_masings_rules_are_the_secant_and_the_loop(structure):
-    """Of one Jenkins element: alpha = k X + mu N, loss 4 mu N (X - 1)."""
+def test_statics_and_masings_rules_give_the_secant_and_the_loop(structure):
+    """For one Jenkins element: alpha = k X + mu N, loss 4 mu N (X - 1)."""
     quasi = microslip.backbone(structure(one_mass())).quasi_static
     X = quasi.amplitude[quasi.amplitude > 1.0]
     omega = 2.0 * np.pi * quasi.frequency[quasi.amplitude > 1.0]
@@ -188,8 +188,8 @@ def test_statics_and_masings_rules_are_the_secant_and_the_loop(structure):
 
 
 @pytest.mark.ranks(1)
-def test_a_mode_that_moves_no_pair_but_for_rounding_is_a_line(structure):
-    """Two alike masses on a spring between them and a joint: their symmetric mode does not move it."""
+def test_a_mode_that_moves_pairs_only_by_rounding_is_linear(structure):
+    """Two equal masses with a spring between them and a joint: their symmetric mode does not deform it."""
     system = two_masses()
     system["K"], system["C"] = np.array([[1.3, -0.3], [-0.3, 1.3]]), 0.02 * np.eye(2)
     system["pair_dofs"] = [[0, -1, -1, 1, -1, -1]]
@@ -199,7 +199,7 @@ def test_a_mode_that_moves_no_pair_but_for_rounding_is_a_line(structure):
 
 
 def with_a_gap(gap=1.0):
-    """Two coupled masses: the first on a friction element, the second before a stop."""
+    """Return two coupled masses: the first on a friction element, the second with a gap to a stop."""
     return scenes.make_system(
         "gap",
         np.eye(2),
@@ -219,8 +219,8 @@ def with_a_gap(gap=1.0):
 
 @pytest.mark.parametrize("mode", (1, 2))
 @pytest.mark.ranks(1)
-def test_a_mode_begins_about_rest_where_pairs_are_open(structure, mode):
-    """Not with all pairs closed, whose modes have 1.49 and 1.91 rad/s: 1.22 and 1.55, until one slips or touches."""
+def test_a_mode_begins_about_rest_with_open_pairs(structure, mode):
+    """With all pairs closed the modes have 1.49 and 1.91 rad/s; about rest 1.22 and 1.55, until a pair slips or closes."""
     result = microslip.backbone(structure(with_a_gap(), harmonics=3), mode=mode, farthest=1.2)
     squares, phi = np.linalg.eigh(with_a_gap()["K"] + np.diag([1.0, 0.0]))
     omega, (x, z) = np.sqrt(squares[mode - 1]), np.abs(phi[:, mode - 1])
@@ -235,7 +235,7 @@ def test_a_mode_begins_about_rest_where_pairs_are_open(structure, mode):
 
 @pytest.mark.parametrize("mode", (1, 2))
 def test_a_mode_whose_damping_couples_the_modes_begins_at_first_slip(structure, mode):
-    """Its masses are out of phase, and larger than in the undamped mode of the same modal amplitude."""
+    """Its masses are out of phase, with larger amplitudes than in the undamped mode of the same modal amplitude."""
     system = with_a_gap() | {"C": np.diag([0.02, 0.5])}
     result = microslip.backbone(structure(system), mode=mode, farthest=1.2, quasi_static=False, error_bars=False)
     K = system["K"] + np.diag([1.0, 0.0])
@@ -254,8 +254,8 @@ def test_a_mode_whose_damping_couples_the_modes_begins_at_first_slip(structure, 
 
 
 @pytest.mark.ranks(1)
-def test_a_mass_before_a_stop_has_the_frequency_of_its_two_parts(structure):
-    """Half a cycle of sqrt(k / m) = 1 and more, the rest of the cycle at 2: the stop has three times the spring."""
+def test_a_mass_with_a_stop_has_the_frequency_of_its_two_parts(structure):
+    """Half a cycle or more at sqrt(k / m) = 1, the rest of the cycle at 2: the stop has three times the spring stiffness."""
     system = scenes.make_system(
         "stop", np.eye(1), np.eye(1), [[-1, -1, 0, -1, -1, -1]], mu=0.3, N0=-1.5, k_t=0.5, k_n=3.0, C=[[1e-6]],
         loads=[{"vector": [1.0], "harmonic": 1, "phase": 0.0}], output=[1.0], omega=(0.5, 2.0), levels={},
@@ -267,7 +267,7 @@ def test_a_mass_before_a_stop_has_the_frequency_of_its_two_parts(structure):
 
 
 def _of_a_stop(harmonics, gap):
-    """Return the frequency [Hz] of the free vibration before a stop of stiffness 3, k = m = 1, of a motion's amplitude."""
+    """Return the frequency [Hz] of the free vibration with a stop of stiffness 3, k = m = 1, at the amplitude of a motion."""
     theta = np.linspace(0.0, 2.0 * np.pi, 4001)
     n = np.arange(1, (len(harmonics) + 1) // 2)[:, None]
     u = harmonics[0] + harmonics[1::2] @ np.cos(n * theta) + harmonics[2::2] @ np.sin(n * theta)
@@ -277,7 +277,7 @@ def _of_a_stop(harmonics, gap):
 
 
 def test_first_slip_with_a_friction_force_at_rest_is_exact(structure):
-    """Across the motion: |T| = mu N where (k_t x)^2 + T0^2 = (mu N)^2; along it the rest of the limit."""
+    """Across the motion |T| = mu N where (k_t x)^2 + T0^2 = (mu N)^2; along it the limit is reduced by T0."""
     built = structure(one_mass())
     for T0, x in (((0.0, 0.6), 0.8), ((0.6, 0.0), 0.4)):
         pairs = replace(built.pairs, T0=np.array([T0]))
@@ -286,15 +286,15 @@ def test_first_slip_with_a_friction_force_at_rest_is_exact(structure):
         assert mode.slipping[0] == 0
 
 
-def test_pairs_at_their_limit_at_rest_do_not_make_the_first_amplitude_rounding(structure):
+def test_the_first_amplitude_is_significant_with_pairs_at_their_limit_at_rest(structure):
     built = structure(two_masses() | {"pair_dofs": [[0, -1, -1, -1, -1, -1]]})
     pairs = replace(built.pairs, T0=np.array([[1.0 - 1e-15, 0.0]]))
     mode = microslip.backbone(replace(built, pairs=pairs, results={}), farthest=1.5, quasi_static=False, error_bars=False)
     assert mode.slips_at_rest and mode.first_slip == pytest.approx(1e-3)
 
 
-def test_the_quasi_static_mode_covers_the_mode_also_where_its_frequency_falls_at_the_end(structure, monkeypatch):
-    """To the largest force of its points, not to that of the largest amplitude; else it says that it ends before."""
+def test_the_quasi_static_mode_covers_a_mode_of_falling_frequency(structure, monkeypatch):
+    """It extends to the largest force of its points, not to that of the largest amplitude; otherwise it reports an early end."""
     by_statics = backbone.by_statics
 
     def with_soft_end(equation, problem, points, opens):
@@ -308,10 +308,10 @@ def test_the_quasi_static_mode_covers_the_mode_also_where_its_frequency_falls_at
     assert quasi.failure == "the mode has its larger amplitudes at smaller static loads"
 
 
-def test_a_mode_of_one_frequency_is_compared_in_hertz():
+def test_a_mode_of_constant_frequency_is_compared_in_hertz():
     size = np.array([1.0, 2.0])
     quasi = QuasiStatic(size, np.array([9.9, 10.1]), np.array([0.1, 0.2]), 1.0, np.inf, None)
-    one = SimpleNamespace(
+    mode = SimpleNamespace(
         shape=np.ones((2, 1)),
         amplitude=size,
         frequency=np.full(2, 10.0),
@@ -319,39 +319,41 @@ def test_a_mode_of_one_frequency_is_compared_in_hertz():
         linear_frequency=10.0,
         units="m",
     )
-    assert "frequency within 0.1 Hz, damping within 50 % of the largest" in statics_in_words(one, quasi)[0]
+    assert "frequency within 0.1 Hz, damping within 50 % of the largest" in statics_in_words(mode, quasi)[0]
 
 
 @pytest.mark.ranks(1)
-def test_the_quasi_static_mode_says_where_it_does_not_hold_and_why_it_ends(structure):
-    """A mass that lifts off, and one that only friction holds, which slides away under the load of both limits."""
+def test_the_quasi_static_mode_reports_its_range_and_why_it_ends(structure):
+    """One mass lifts off; another, held by friction only, slides away under the load of both limits."""
     lifts = one_mass(k_n=np.ones(1), N0=np.ones(1), pair_dofs=[[-1, -1, 0, -1, -1, -1]])
     both = {"mu": np.array([1.0, 0.05])} | {name: np.ones(2) for name in ("N0", "k_t", "k_n")}
     slides = one_mass(K=np.zeros((1, 1)), pair_dofs=[[0, -1, -1, -1, -1, -1]] * 2, separate=np.zeros(2, bool), **both)
-    one, other = (
+    lifting, sliding = (
         microslip.backbone(structure(system, harmonics=2), farthest=farthest)
         for system, farthest in ((lifts, 5.0), (slides, 24.0))
     )
-    assert 0.999 < one.quasi_static.opens < 1.2 and one.quasi_static.failure is None
-    assert np.isinf(other.quasi_static.opens) and "no static equilibrium" in other.quasi_static.failure
-    assert any("rules do not hold" in line for line in in_words(one))
-    assert 2.0 * 0.525 == pytest.approx((2.0 * np.pi * other.quasi_static.frequency[-1]) ** 2 * other.quasi_static.amplitude[-1])
-    assert any("it ends at" in line for line in in_words(other))
+    assert 0.999 < lifting.quasi_static.opens < 1.2 and lifting.quasi_static.failure is None
+    assert np.isinf(sliding.quasi_static.opens) and "no static equilibrium" in sliding.quasi_static.failure
+    assert any("rules do not hold" in line for line in in_words(lifting))
+    assert 2.0 * 0.525 == pytest.approx(
+        (2.0 * np.pi * sliding.quasi_static.frequency[-1]) ** 2 * sliding.quasi_static.amplitude[-1]
+    )
+    assert any("it ends at" in line for line in in_words(sliding))
 
 
 @pytest.mark.ranks(1)
 def test_forced_responses_are_computed_about_the_mode():
-    """Three half-power widths beyond its frequencies, and above 0 however much it is damped."""
+    """Three half-power widths beyond its frequencies, and above 0 for any damping."""
     mode = SimpleNamespace(mode=2, linear_frequency=3.0, frequency=np.array([3.0, 2.5]), damping=np.array([0.01, 0.2]))
     mode.linear_damping, mode.counts_open = 0.01, False
     scenes_of = [SimpleNamespace(response=SimpleNamespace(mode=number)) for number in (2, 1, None)]
     assert [band(mode, scene) for scene in scenes_of] == [None, *[pytest.approx((2.5 / 2.2, 3.0 * 2.2))] * 2]
-    mode.counts_open = True  # its number is not that of the scene
+    mode.counts_open = True  # its number differs from that of the scene
     assert band(mode, scenes_of[0]) == pytest.approx((2.5 / 2.2, 3.0 * 2.2))
 
 
 @pytest.mark.ranks(1)
-def test_the_computed_peak_beside_a_mode_is_the_next_one():
+def test_the_forced_peak_nearest_to_a_mode_is_compared():
     peaks = [SimpleNamespace(output=0, omega=2.0 * np.pi * f, amplitude=a) for f, a in ((1.0, 5.0), (3.1, 2.0j))]
     by_mode = SimpleNamespace(resonance=3.0, peak=np.array([1.9]))
     forced = Forced(1.0, by_mode, np.ones(2), np.array([[5.0], [2.0]]), peaks, None)
@@ -359,7 +361,7 @@ def test_the_computed_peak_beside_a_mode_is_the_next_one():
     assert replace(forced, peaks=[]).peak == 5.0
 
 
-def test_a_mode_that_moves_no_pair_is_a_line(structure):
+def test_a_mode_that_moves_no_pair_is_linear(structure):
     mode = microslip.backbone(structure(two_masses()), mode=2)
     assert mode.points == () and np.isinf(mode.first_slip)
     assert mode.linear_frequency == pytest.approx(3.0 / (2.0 * np.pi))
@@ -367,8 +369,8 @@ def test_a_mode_that_moves_no_pair_is_a_line(structure):
 
 
 @pytest.mark.ranks(1)
-def test_a_harmonic_that_meets_another_mode_is_said(structure):
-    """1.414 rad/s falls to 1: with mode 2 at 3.6 rad/s the third harmonic meets it at 1.2 rad/s."""
+def test_a_harmonic_at_the_frequency_of_another_mode_is_reported(structure):
+    """1.414 rad/s falls to 1: with mode 2 at 3.6 rad/s, it is three times the frequency at 1.2 rad/s."""
     system = two_masses()
     system["K"] = np.diag([1.0, 3.6**2])
     mode = microslip.backbone(structure(system, harmonics=3))
@@ -389,7 +391,7 @@ def test_a_harmonic_that_meets_another_mode_is_said(structure):
         (one_mass(loads=[{"vector": [1.0], "harmonic": n, "phase": 0.0} for n in (0, 1)]), 1, "[[loads]] with harmonic = 0"),
     ],
 )
-def test_what_has_no_nonlinear_mode_is_refused(structure, system, mode, says):
+def test_structures_without_nonlinear_mode_are_rejected(structure, system, mode, says):
     with pytest.raises(CaseError) as caught:
         microslip.backbone(structure(system), mode=mode)
     assert says in str(caught.value)
@@ -418,7 +420,7 @@ def test_the_command_writes_table_arrays_and_pictures(scene_file, program, share
 
 
 @pytest.mark.ranks(1)
-def test_the_command_computes_forced_responses_where_the_scene_names_the_mode_followed(scene_file, program, shared_path):
+def test_forced_responses_are_computed_if_the_scene_names_the_followed_mode(scene_file, program, shared_path):
     path = scene_file(one_mass(), points=8, samples=64)
 
     def names_the_mode():
@@ -432,7 +434,7 @@ def test_the_command_computes_forced_responses_where_the_scene_names_the_mode_fo
         assert "level 0.4: peak" in out
 
 
-def test_a_mode_takes_no_linear_curve_and_solves_for_static_columns_in_one_batch(structure, monkeypatch):
+def test_a_mode_needs_no_linear_curve_and_one_batch_of_static_columns(structure, monkeypatch):
     """Three masses, each with a joint, which slip one after the other."""
 
     def no_curve(*_):

@@ -1,4 +1,4 @@
-"""Dampers between nodes and to ground: their C against dense algebra, every method, and the work that they take; on any ranks."""
+"""Dampers between nodes and to ground: their C compared with dense algebra, every method, and their work; on any ranks."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def damped(comm, path, damping="rayleigh = [200.0, 1e-6]", **solver):
 
 
 def of_dampers(comm, structure):
-    """Return C of the dampers on the rows of the structure."""
+    """Return C of the dampers, the rows of the structure."""
     system = structure.linearised.system
     nodes = comm.bcast(structure.mesh.node_groups["bar_end"] if comm.rank == 0 else None)
     rows = np.zeros((len(nodes), system.n_dof))
@@ -41,7 +41,7 @@ def of_dampers(comm, structure):
 
 @pytest.mark.parametrize("eta", [0.0, 0.03])
 def test_every_method_meets_a_direct_solution(comm, shared_path, eta):
-    """Beside Rayleigh and structural damping, under a load and any contact forces, in every harmonic."""
+    """In addition to Rayleigh and structural damping, under a load and any contact forces, in every harmonic."""
     structural = f"structural = {eta}\n" if eta else ""
     scene = damped(comm, shared_path, damping=structural + "rayleigh = [200.0, 1e-6]", harmonics=2)
     with microslip.build(scene, comm) as structure:
@@ -62,8 +62,8 @@ def test_every_method_meets_a_direct_solution(comm, shared_path, eta):
             np.testing.assert_allclose(amplitudes, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
 
 
-def test_dampers_take_the_work_that_nothing_else_takes(comm, shared_path):
-    """Without other damping, at an amplitude at which nothing slips: the work of the load is that of the dampers."""
+def test_dampers_dissipate_the_work_of_the_load(comm, shared_path):
+    """Without other damping, at an amplitude without slip: the work of the load is that of the dampers."""
     scene = damped(comm, shared_path, damping="ratio = 0.0", points=3, samples=64)
     with microslip.build(scene, comm) as structure:
         f1 = float(structure.modes.frequency[0])
@@ -73,7 +73,7 @@ def test_dampers_take_the_work_that_nothing_else_takes(comm, shared_path):
         _, u = response.fields(1e-3, level.frequency[i])
         if comm.rank == 0:
             nodes, omega = structure.mesh.node_groups["bar_end"], 2.0 * np.pi * level.frequency[i]
-            velocity = omega * (u[nodes].transpose(0, 2, 1) @ ALONG)[:, 1:3]  # of cos and sin, up to their order
+            velocity = omega * (u[nodes].transpose(0, 2, 1) @ ALONG)[:, 1:3]  # of cos and sin, except for their order
             lost = np.pi / omega * CONSTANT * (velocity**2).sum()
             load = 1e-3 * structure.linearised.system.loads.toarray()[:, 0]
             rows = structure.linearised.system.dof
@@ -82,7 +82,7 @@ def test_dampers_take_the_work_that_nothing_else_takes(comm, shared_path):
             assert lost > 0.0 and given == pytest.approx(lost, rel=1e-6)
 
 
-def test_fewer_modes_keep_what_dampers_add_to_them(comm, shared_path):
+def test_damping_of_fewer_modes_is_their_part_of_the_full_matrix(comm, shared_path):
     scene = damped(comm, shared_path)
     with microslip.build(scene, comm) as structure:
         damping = reduction_settings(scene).damping
@@ -91,6 +91,6 @@ def test_fewer_modes_keep_what_dampers_add_to_them(comm, shared_path):
         np.testing.assert_array_equal(first, all_modes[:10, :10])
 
 
-def test_a_spring_or_a_damper_is_stated(comm, shared_path):
+def test_a_spring_without_stiffness_and_damping_is_rejected(comm, shared_path):
     with pytest.raises(CaseError, match=r"\[\[springs\]\] 1.*stiffness is missing: expected .*; or damping"):
         scene_with(comm, shared_path, loads='[[springs]]\ngroups = ["bar_end"]\ndirection = [1.0, 0.0, 0.0]\n' + LOADS)

@@ -1,4 +1,4 @@
-"""Levels divided into parts that groups of ranks follow at the same time: the same curves as in turn, folds included."""
+"""Levels divided into parts that groups of ranks follow at the same time: the same curves as without, including folds."""
 
 from pathlib import Path
 
@@ -30,12 +30,12 @@ def bar(comm, tmp_path_factory):
 
 
 def both(structure, n_groups, **keys):
-    """Return the levels of a response in turn and divided."""
+    """Return the levels of a response without and with division."""
     return [microslip.respond(structure, n_groups=n_groups, divides=divides, **keys).results.levels for divides in (False, True)]
 
 
 @pytest.mark.parametrize("keys", [{"error_bars": False}, {"accuracy": 1e-2}, {"method": "adaptive", "error_bars": False}])
-def test_requested_points_are_those_of_the_curve_in_turn(comm, bar, keys):
+def test_requested_points_of_a_divided_level_are_those_of_the_whole_curve(comm, bar, keys):
     tolerance = 1e-9 if "accuracy" not in keys else 1e-2
     (whole,), (divided,) = both(bar, comm.size, levels=(LEVEL,), at=AT, points=20, **keys)
     assert divided.failure == whole.failure == ""
@@ -46,24 +46,24 @@ def test_requested_points_are_those_of_the_curve_in_turn(comm, bar, keys):
     assert len(a) == len(b) == len(AT) and np.abs(a - b).max() <= tolerance * peak
 
 
-def test_points_come_in_the_order_of_the_curve_and_no_further_apart(comm, bar):
+def test_points_of_a_divided_level_are_in_order_and_as_dense(comm, bar):
     (whole,), (divided,) = both(bar, comm.size, levels=(LEVEL,), points=20, error_bars=False)
-    assert (np.diff(divided.frequency) > 0.0).all()  # it has no fold
+    assert (np.diff(divided.frequency) > 0.0).all()  # the curve has no fold
     largest = [np.abs(np.diff(level.response[:, 0, 1:3], axis=0)).max() for level in (whole, divided)]
     assert largest[1] <= 1.5 * largest[0]
 
 
-def test_peaks_and_several_levels(comm, bar):
+def test_peaks_of_several_divided_levels(comm, bar):
     whole, divided = both(bar, comm.size, levels=(1e-3, LEVEL), peaks=True, error_bars=False, points=20)
     for a, b in zip(whole, divided):
-        (peak,), (again,) = a.peaks, b.peaks
-        assert again.omega == pytest.approx(peak.omega, rel=1e-7) and abs(again.amplitude) == pytest.approx(
+        (peak,), (followed_whole,) = a.peaks, b.peaks
+        assert followed_whole.omega == pytest.approx(peak.omega, rel=1e-7) and abs(followed_whole.amplitude) == pytest.approx(
             abs(peak.amplitude), rel=1e-6
         )
 
 
 @pytest.mark.parametrize("name", fold.FOLDS)
-def test_parts_pass_folds(comm, name, shared_path):
+def test_parts_of_a_divided_level_pass_folds(comm, name, shared_path):
     case = fold.FOLDS[name]
     up = fold.followed(case, "up", shared_path, comm)
     with microslip.build(microslip.read(shared_path / "scene.toml"), comm) as structure:
@@ -85,8 +85,8 @@ def test_parts_begin_at_points_of_a_coarse_curve_of_few_harmonics(bar):
 def test_a_level_whose_parts_do_not_join_is_followed_as_a_whole(comm, bar, monkeypatch):
     (whole,) = microslip.respond(bar, levels=(LEVEL,), error_bars=False).results.levels
     monkeypatch.setattr(side_by_side, "joined", lambda parts: None)
-    (again,) = microslip.respond(bar, levels=(LEVEL,), error_bars=False, n_groups=comm.size, divides=True).results.levels
-    assert np.allclose(again.frequency, whole.frequency, rtol=1e-9) and again.failure == ""
+    (followed_whole,) = microslip.respond(bar, levels=(LEVEL,), error_bars=False, n_groups=comm.size, divides=True).results.levels
+    assert np.allclose(followed_whole.frequency, whole.frequency, rtol=1e-9) and followed_whole.failure == ""
 
 
 def test_the_program_divides_levels_and_continues_with_those_not_complete(program, comm, shared_path, monkeypatch):

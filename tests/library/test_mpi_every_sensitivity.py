@@ -1,4 +1,4 @@
-"""Derivatives by every number of a scene against structures built with other values, closed forms, discs, and runs that go on."""
+"""Derivatives by every parameter of a scene compared with other structures, closed forms and discs; restarted runs."""
 
 import numpy as np
 import pytest
@@ -29,14 +29,14 @@ def response_of(comm, folder, system, level, keys=(), **more):
 
 
 def of_requested(response, level):
-    """Return the complex amplitudes of the outputs at the requested frequency, and its place."""
+    """Return the complex amplitudes of the outputs at the requested frequency, and its index."""
     of_level = response.level(level)
     (i,) = np.flatnonzero(of_level.requested)
     return of_level.response[i, :, 1] - 1j * of_level.response[i, :, 2], i
 
 
 def check(table, i, key, slopes, per=1.0):
-    """Compare derivatives of amplitude and phase (2, n_outputs) by a number with central differences."""
+    """Compare derivatives of amplitude and phase (2, n_outputs) by a parameter with central differences."""
     of_key = table[key]
     assert np.all(slopes != 0.0)
     for values, slope in zip((of_key.amplitude[0, i], of_key.phase[0, i]), slopes):
@@ -55,7 +55,7 @@ def changed(system, key, factor):
     return system | {column: np.where(in_question, factor * values, values)}
 
 
-ON_TWO_RANKS = ("friction", "gap")  # the other numbers take the same way
+ON_TWO_RANKS = ("friction", "gap")  # the other parameters use the same code
 
 
 @pytest.mark.parametrize(
@@ -65,8 +65,8 @@ ON_TWO_RANKS = ("friction", "gap")  # the other numbers take the same way
         for key in COLUMNS
     ],
 )
-def test_amplitude_and_phase_by_a_number_of_a_joint(comm, shared_path, key, N0):
-    """All pairs of a joint at once, by a factor; a gap that closes in each period."""
+def test_derivatives_of_amplitude_and_phase_by_a_parameter_of_a_joint(comm, shared_path, key, N0):
+    """All pairs of a joint at once, by a factor; also a gap that closes in each period."""
     level = 100.0 if key == "gap" else 10.0
     system = scenes.chain() | {"N0": np.array([60.0, N0])}
     response = response_of(comm, shared_path, system, level, sensitivities=True)
@@ -84,7 +84,7 @@ def test_amplitude_and_phase_by_a_number_of_a_joint(comm, shared_path, key, N0):
 
 
 @pytest.mark.ranks(1)
-def test_amplitude_and_phase_by_level_and_damping(comm, shared_path):
+def test_derivatives_of_amplitude_and_phase_by_level_and_damping(comm, shared_path):
     level, system = 10.0, scenes.chain()
     response = response_of(comm, shared_path, system, level, sensitivities=True)
     (_, i), table = of_requested(response, level), response.sensitivity
@@ -99,8 +99,8 @@ def test_amplitude_and_phase_by_level_and_damping(comm, shared_path):
     check(table, i, "damping.ratio", slopes(at(-STEP, damping=True), at(STEP, damping=True), STEP), system["zeta"])
 
 
-def test_one_mass_as_its_closed_form_differentiated(comm, shared_path):
-    """A mass on two springs, one of them a pair that sticks: points to 1e-10, and the amplitude of the peak."""
+def test_derivatives_of_one_mass_have_their_closed_form(comm, shared_path):
+    """A mass on two springs, one of which is a sticking pair: points to 1e-10, and the amplitude of the peak."""
     k_t, k, m, zeta, level = 3.0e6, 1.0e6, 2.0, 0.02, 5.0
     loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
     system = scenes.make_system(
@@ -156,8 +156,8 @@ tolerance = 1e-12
 
 @pytest.mark.study
 @pytest.mark.ranks(1)
-def test_a_disc_from_one_sector(comm, shared_path):
-    """[cyclic]: the numbers of a joint are those of all sectors; all modes, as their shapes stay with another contact stiffness."""
+def test_derivatives_of_a_disc_from_one_sector(comm, shared_path):
+    """[cyclic]: a parameter of a joint is that of all sectors; with all modes, so that contact stiffness changes no shapes."""
     path = on_root(comm, lambda: write_sector(shared_path, 5, DISC))
 
     def of(*keys, **more):
@@ -172,7 +172,7 @@ def test_a_disc_from_one_sector(comm, shared_path):
         check(table, i, key, slopes(*ends, STEP), value)
 
 
-def test_a_run_that_was_stopped_goes_on_to_the_same_table(comm, shared_path, program, monkeypatch):
+def test_a_stopped_run_continues_to_the_same_table(comm, shared_path, program, monkeypatch):
     def write():
         options = {"points": 10, "harmonics": 1, "samples": 32, "outputs": (6,), "error_bars": False}
         return write_matrix_scene(shared_path, scenes.chain(), [10.0], (500.0, 600.0), **options)
@@ -195,7 +195,7 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_table(comm, shared_path, pro
     assert program(*run, shared_path / "parts")[0] != 0
     most = 1000
     assert program(*run, shared_path / "parts")[0] == 0
-    assert len(counted) <= 2 * n + 1  # derivatives that were known are not computed again
+    assert len(counted) <= 2 * n + 1  # stored derivatives are not computed again
     whole, parts = (read_results(str(shared_path / name / "results.h5")).levels[0] for name in ("whole", "parts"))
     for name in ("d_by_pairs", "d_by_common"):
         values = getattr(whole, name)

@@ -1,4 +1,4 @@
-"""A contact pair of a model file as a joint of the scene: pressed by loads at rest, stated, left out, or refused."""
+"""A contact pair of a model file as a joint of the scene: preloaded by loads at rest, stated, ignored, or rejected."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def scene(folder, of_model=None, **more):
 
 
 def frequencies(scene):
-    """Return the six lowest frequencies [rad/s] about the rest, the joint's name and its pairs.  Collective."""
+    """Return the six lowest frequencies [rad/s] about rest, the joint's name and its pairs.  Collective."""
     file, whole, _ = read_completed(scene, COMM)
     _, rest, _ = from_mesh(whole, file, COMM, RunLog(COMM, screen=False))
     linearised = linearise(rest.system, rest.pairs, "job.inp")
@@ -85,7 +85,7 @@ def frequencies(scene):
     return modes.omega_n, whole, rest.pairs
 
 
-def test_a_block_on_the_springs_of_its_contact_pair_vibrates_as_a_rigid_body_on_them(tmp_path):
+def test_a_block_on_a_contact_pair_vibrates_as_a_rigid_body(tmp_path):
     folder = COMM.bcast(tmp_path)
     on_root(COMM, (folder / "job.inp").write_text, DECK + LOADED)
     omega, whole, pairs = frequencies(scene(folder))
@@ -94,11 +94,11 @@ def test_a_block_on_the_springs_of_its_contact_pair_vibrates_as_a_rigid_body_on_
     assert (joint.friction, joint.normal_stiffness, joint.tangential_stiffness) == (0.5, 2e9, 5e8)
     assert (joint.preload, joint.gap) == ("static", "geometry") and pairs.N0.sum() == pytest.approx(4e-4)
     lift = np.sqrt(2e9 * 2e-6 / (2.0 * DENSITY * 1e3))
-    assert min(abs(omega / lift - 1.0)) < 1e-5  # the block gives by K L / E
-    assert omega.max() < 5.0 * lift  # six motions of a rigid block
+    assert min(abs(omega / lift - 1.0)) < 1e-5  # the block deforms by K L / E
+    assert omega.max() < 5.0 * lift  # six rigid-body motions of the block
 
 
-def test_nothing_but_loads_makes_a_joint_of_a_contact_pair(tmp_path):
+def test_a_contact_pair_becomes_a_joint_only_with_loads(tmp_path):
     folder = COMM.bcast(tmp_path)
     on_root(COMM, (folder / "job.inp").write_text, DECK + BARE)
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""Structures without supports: rigid-body motion is part of the response, exactly."""
+"""Structures without supports: rigid-body motion is part of the response, and exact."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ FORCE = np.array([1.0, 0.3, 0.2]) / np.linalg.norm([1.0, 0.3, 0.2])
 
 def free_bar(folder, *changes, name="free", **keys):
     """Return the scene of the bar on its plate without supports, with replaced texts.  Collective."""
-    held = f"{name}_held"  # a file of its own: other ranks may still read it
+    held = f"{name}_held"  # a separate file, because other ranks may still read the first
     scene_with(comm, folder, name=held, **keys)
 
     def write():
@@ -78,7 +78,7 @@ def motions_of_masses(F, omega):
 @pytest.mark.parametrize("level", [10.0, 400.0])
 @pytest.mark.ranks(1)
 def test_two_free_masses_with_a_slider(tmp_path, level):
-    """One harmonic, stuck and slipping: the program meets the describing function as far as samples make it."""
+    """One harmonic, stuck and slipping: the program agrees with the describing function within the error of samples."""
     resonance = np.sqrt(K_T * (1.0 / M_1 + 1.0 / M_2))
     omega = resonance * np.array([0.5, 0.7, 1.6])
     system = make_system(
@@ -126,7 +126,7 @@ STICKS = (("preload = 2.0e7", "preload = 2.0e12"),)
 
 @pytest.mark.parametrize("n_modes, limit", [(6, 2e-2), (None, 1e-3), (N_DOF + 45 - 6, 1e-8)])
 def test_the_stuck_response_of_a_free_bar(tmp_path, n_modes, limit):
-    """Modes, mode = 1 and the response of the whole range are those of dense matrices: with all modes exactly."""
+    """Modes, mode = 1 and the response in the whole range are those of dense matrices: exactly with all modes."""
     folder, keys = comm.bcast(tmp_path), {} if n_modes is None else {"modes": n_modes}
     scene = free_bar(folder, *STICKS, harmonics=1, **keys)
     with microslip.build(scene, comm) as structure:
@@ -141,8 +141,8 @@ def test_the_stuck_response_of_a_free_bar(tmp_path, n_modes, limit):
 
 
 @pytest.mark.parametrize("fix, n_rigid, words", [("z", 3, "2 translations and 1 turning motion"), ("yz", 1, "1 translation")])
-def test_supports_that_leave_motions_free(tmp_path, fix, n_rigid, words):
-    """A plate held across, or along two axes: elastic modes and the stuck response are those of dense matrices."""
+def test_supports_that_allow_rigid_body_motion(tmp_path, fix, n_rigid, words):
+    """A plate supported across, or along two axes: elastic modes and the stuck response are those of dense matrices."""
     held = f"{support('ground_base', *fix)}\n[damping]"
     scene = free_bar(comm.bcast(tmp_path), *STICKS, ("[damping]", held), name=fix, harmonics=1, modes=12)
     with microslip.build(scene, comm) as structure:
@@ -174,7 +174,7 @@ def peak_by_receptance(tmp_path_factory):
     "method", ["full", *(pytest.param(name, marks=ON_ONE) for name in ("rubin", "craig-bampton", "adaptive"))]
 )
 def test_methods_agree_and_momentum_is_balanced_with_slip(tmp_path, method, peak_by_receptance):
-    """Mass times acceleration of all DOFs is the load, force and moment, at every point: contact forces add nothing."""
+    """The mass times acceleration of all DOFs is the load, force and moment, at every point: contact forces cancel."""
     scene = by(slipping_bar(comm.bcast(tmp_path)), method)
     log = RunLog(comm, screen=False)
     structure = microslip.build(scene, comm)
@@ -216,7 +216,7 @@ def test_soft_springs_approach_the_free_structure(tmp_path, held):
     np.testing.assert_allclose(solved, exact, rtol=0, atol=(5e-5 if held else 1e-8) * np.abs(exact).max())
 
 
-def test_error_bars_know_what_truncated_modes_change(tmp_path):
+def test_error_bars_include_truncated_modes_of_a_free_structure(tmp_path):
     folder = comm.bcast(tmp_path)
     scene = free_bar(folder, modes=6, harmonics=1, samples=64)
     with microslip.build(scene, comm) as structure:

@@ -1,4 +1,4 @@
-"""Identification: synthetic measurements of a chain, what data do not see, and wrong input; every test runs on any number of ranks."""
+"""Identification: synthetic measurements of a chain, undetermined parameters, and wrong input; on any number of ranks."""
 
 import csv
 import tomllib
@@ -48,14 +48,14 @@ def structure(comm, path):
 
 @pytest.fixture(scope="module")
 def exact(structure):
-    """Return the columns of a measurement of another chain: friction 20 % lower, damping 50 % higher."""
+    """Return the columns of a measurement of a changed chain: friction 20 % lower, damping 50 % higher."""
     columns = {"frequency_Hz": np.tile(FREQUENCY, 2), "level_N": np.repeat(LEVELS, len(FREQUENCY))}
     sizes, phases = [], []
     for level in LEVELS:
         mu = {"joint": 0.8 * structure.pairs.mu}
         response = microslip.respond(structure, levels=level, friction=mu, ratio=0.03, at=tuple(FREQUENCY))
-        asked = response.level(level).requested.astype(bool)
-        a = response["6"].harmonic(1)[0, : len(asked)][asked]
+        requested = response.level(level).requested.astype(bool)
+        a = response["6"].harmonic(1)[0, : len(requested)][requested]
         sizes, phases = [*sizes, np.abs(a)], [*phases, np.angle(a)]
     return columns | {"amplitude_m": np.concatenate(sizes), "phase_rad": np.concatenate(phases)}
 
@@ -72,7 +72,7 @@ def noisy(exact, seed):
 
 
 @pytest.mark.ranks(1)
-def test_exact_data_give_the_values_back(structure, exact):
+def test_exact_data_give_the_exact_parameters(structure, exact):
     fit = microslip.identify(structure, exact, BOUNDS)
     assert fit[FRICTION] == pytest.approx(0.8, rel=1e-4) and fit[RATIO] == pytest.approx(0.03, rel=1e-4)
     assert fit.rms < 1e-4 and not fit.unseen and not fit.alike and not fit.at_bounds
@@ -82,8 +82,8 @@ def test_exact_data_give_the_values_back(structure, exact):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_noisy_data_give_them_within_their_intervals(structure, exact):
-    """Of one seed; jobs/bench/identify.py counts many."""
+def test_intervals_from_noisy_data_cover_the_exact_parameters(structure, exact):
+    """For a single seed; jobs/bench/identify.py counts many."""
     fit = microslip.identify(structure, noisy(exact, 0), BOUNDS)
     assert fit.low[0] <= 0.8 <= fit.high[0] and fit.low[1] <= 0.03 <= fit.high[1]
     assert fit.rms == pytest.approx(1.0, abs=0.4) and np.all(fit.high / fit.low < 1.5) and fit.is_explained
@@ -92,8 +92,8 @@ def test_noisy_data_give_them_within_their_intervals(structure, exact):
 
 
 @pytest.mark.ranks(1)
-def test_deviations_of_phases_that_are_not_stated_follow_from_the_residuals(structure, exact):
-    """Amplitudes have theirs stated; phases are ten times as uncertain as without a statement."""
+def test_missing_deviations_of_phases_are_estimated_from_the_residuals(structure, exact):
+    """Deviations of amplitudes are stated; phases are ten times as uncertain as without a statement."""
     columns = noisy(exact, 0)
     columns.pop("sigma_phase_rad")
     few = microslip.identify(structure, columns, BOUNDS)
@@ -106,8 +106,8 @@ def test_deviations_of_phases_that_are_not_stated_follow_from_the_residuals(stru
 
 @pytest.mark.study
 @pytest.mark.ranks(1)
-def test_the_weights_of_a_fit_are_the_deviations_that_its_residuals_show(structure, exact):
-    """Phases have theirs stated; amplitudes are ten times as uncertain as without a statement."""
+def test_estimated_deviations_are_the_weights_of_the_fit(structure, exact):
+    """Deviations of phases are stated; amplitudes are ten times as uncertain as without a statement."""
     columns, size = noisy(exact, 0), exact["amplitude_m"]
     deviation = np.full(len(size), 0.2 * size.max())
     columns |= {"amplitude_m": size + deviation * np.random.default_rng(1).standard_normal(len(size)), "sigma_m": deviation}
@@ -120,14 +120,14 @@ def test_the_weights_of_a_fit_are_the_deviations_that_its_residuals_show(structu
     np.testing.assert_allclose(np.log(fit.high / fit.low), width, rtol=0.1)
 
 
-def test_what_data_do_not_see_is_said(structure, exact):
-    """While all pairs stick there is no friction; friction and preload make one limit where no pair opens."""
+def test_undetermined_parameters_are_reported(structure, exact):
+    """While all pairs stick, friction has no effect; friction and preload form a single limit if no pair opens."""
     columns = {name: values[: len(FREQUENCY)] for name, values in noisy(exact, 3).items()} | {
         "level_N": np.full(len(FREQUENCY), 1e-3)
     }
     stuck = microslip.respond(structure, levels=1e-3, at=tuple(FREQUENCY), points=4)
-    asked = stuck.level(1e-3).requested.astype(bool)
-    a = stuck["6"].harmonic(1)[0, : len(asked)][asked]
+    requested = stuck.level(1e-3).requested.astype(bool)
+    a = stuck["6"].harmonic(1)[0, : len(requested)][requested]
     columns |= {"amplitude_m": np.abs(a), "phase_rad": np.angle(a), "sigma_m": 0.02 * np.abs(a)}
     fit = microslip.identify(structure, columns, BOUNDS)
     assert fit.unseen == (FRICTION,) and (fit.low[0], fit.high[0]) == pytest.approx(BOUNDS[FRICTION])
@@ -135,7 +135,7 @@ def test_what_data_do_not_see_is_said(structure, exact):
 
 
 @pytest.mark.ranks(1)
-def test_numbers_of_which_the_data_see_the_product_have_their_bounds_as_interval(structure, exact):
+def test_parameters_determined_only_by_their_product_have_their_bounds_as_interval(structure, exact):
     bounds = {FRICTION: (0.3, 3.0), "joints.joint.preload": (0.4, 2.0)}
     fit = microslip.identify(structure, noisy(exact, 0), bounds, ratio=0.03)
     assert fit[FRICTION] * fit["joints.joint.preload"] == pytest.approx(0.8, rel=0.05)
@@ -144,15 +144,15 @@ def test_numbers_of_which_the_data_see_the_product_have_their_bounds_as_interval
 
 
 @pytest.mark.ranks(1)
-def test_as_many_numbers_as_rows_have_their_bounds_as_interval(structure, exact):
-    one = {name: values[len(FREQUENCY) // 2 :][:1] for name, values in exact.items() if name != "phase_rad"}
-    fit = microslip.identify(structure, one, {FRICTION: (0.3, 3.0)}, ratio=0.03)
+def test_as_many_parameters_as_rows_have_their_bounds_as_interval(structure, exact):
+    single = {name: values[len(FREQUENCY) // 2 :][:1] for name, values in exact.items() if name != "phase_rad"}
+    fit = microslip.identify(structure, single, {FRICTION: (0.3, 3.0)}, ratio=0.03)
     assert fit.dof == 0 and (fit.low[0], fit.high[0]) == pytest.approx((0.3, 3.0))
 
 
 @pytest.mark.ranks(1)
-def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, shared_path):
-    """The normal stiffness of one mass that moves tangentially alone: a column of zeros in the Jacobian."""
+def test_an_undetermined_parameter_does_not_change_the_others(comm, shared_path):
+    """The normal stiffness of a mass that moves only tangentially: a column of zeros in the Jacobian."""
     load = {"vector": [1.0], "harmonic": 1}
     system = scenes.make_system(
         "mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]],
@@ -165,18 +165,18 @@ def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, s
 
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
         response = microslip.respond(structure, at=at, ratio=0.01, error_bars=False).level(0.3)
-        asked = response.requested.astype(bool)
-        a = response.response[asked, 0, 1] - 1j * response.response[asked, 0, 2]
+        requested = response.requested.astype(bool)
+        a = response.response[requested, 0, 1] - 1j * response.response[requested, 0, 2]
         rows = {"frequency_Hz": at, "amplitude_m": np.abs(a), "phase_rad": np.angle(a)}
         without = microslip.identify(structure, rows, fits)
-        beside = microslip.identify(structure, rows, fits | {"joints.joint.normal_stiffness": (0.1, 10.0)})
-    assert beside.unseen == ("joints.joint.normal_stiffness",) and beside.is_converged
-    assert beside.evaluations < 15 and beside.values[:2] == pytest.approx(without.values, rel=1e-6)
+        with_normal = microslip.identify(structure, rows, fits | {"joints.joint.normal_stiffness": (0.1, 10.0)})
+    assert with_normal.unseen == ("joints.joint.normal_stiffness",) and with_normal.is_converged
+    assert with_normal.evaluations < 15 and with_normal.values[:2] == pytest.approx(without.values, rel=1e-6)
 
 
 @pytest.mark.ranks(1)
-def test_peaks_of_the_closed_form_give_its_numbers_back(comm, shared_path):
-    """One mass on a Jenkins element, one harmonic: limit 0.8 and stiffness 1.2 of those of the scene, intervals that hold them."""
+def test_peaks_of_the_closed_form_give_its_parameters(comm, shared_path):
+    """One mass on a Jenkins element, one harmonic: limit 0.8 and stiffness 1.2 of those of the scene, within the intervals."""
     of, levels = {"m": 1.0, "c": 0.02, "k": 1.0, "k_t": 1.2, "muN": 0.8}, (0.2, 0.6, 1.0)
 
     def write():
@@ -198,7 +198,7 @@ def test_peaks_of_the_closed_form_give_its_numbers_back(comm, shared_path):
 
 @pytest.mark.ranks(1)
 def test_the_jacobian_of_peaks_is_that_of_differences(structure):
-    """Within the corners of 64 samples: those of the differences, too."""
+    """At 64 samples the peaks have corners: within them the Jacobian is that of the differences, too."""
     scene = scene_with(structure.scene, {"sensitivities": True, "error_bars": False}, {})
     columns = {"peak_frequency_Hz": [80.0] * 2, "amplitude_m": [1e-3] * 2, "level_N": LEVELS}
     rows = measured_of(columns, "", ("6",), ("m",), LEVELS)
@@ -222,7 +222,7 @@ def test_the_jacobian_of_peaks_is_that_of_differences(structure):
         ({"damping": (0.5, 2.0)}, OFFERED + "; damping.ratio is a number where"),
     ],
 )
-def test_wrong_numbers_are_refused(structure, exact, bounds, text):
+def test_wrong_parameters_are_rejected(structure, exact, bounds, text):
     with pytest.raises(CaseError, match=text):
         microslip.identify(structure, exact, bounds)
     with pytest.raises(CaseError, match=text):
@@ -230,7 +230,7 @@ def test_wrong_numbers_are_refused(structure, exact, bounds, text):
 
 
 @pytest.mark.ranks(1)
-def test_numbers_are_offered_that_the_scene_has_and_that_leave_its_state_of_rest(tmp_path):
+def test_only_parameters_that_preserve_the_state_of_rest_can_be_fitted(tmp_path):
     write_msh(str(tmp_path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005))
     at_rest = scene_of(MPI.COMM_SELF, tmp_path, force(0.0, 0.0, -1000.0))
     changes = ('preload = "static"', "gap = 1e-5"), ("ratio = ", "rayleigh = [1.0, 0.0]  # "), ("axis = [0.0, 0.0, 1.0]", "")
@@ -273,7 +273,7 @@ def test_numbers_are_offered_that_the_scene_has_and_that_leave_its_state_of_rest
     ],
 )
 @pytest.mark.ranks(1)
-def test_wrong_files_are_refused(tmp_path, lines, text):
+def test_wrong_measurement_files_are_rejected(tmp_path, lines, text):
     file = tmp_path / "measured.csv"
     file.write_text(lines)
     with pytest.raises(CaseError, match=text):
@@ -303,7 +303,7 @@ def test_units_and_matlab_files(tmp_path):
     ],
 )
 @pytest.mark.ranks(1)
-def test_wrong_matlab_files_are_refused(tmp_path, content, text):
+def test_wrong_matlab_files_are_rejected(tmp_path, content, text):
     file = tmp_path / "measured.mat"
     file.write_bytes(content) if isinstance(content, bytes) else scipy.io.savemat(file, content)
     with pytest.raises(CaseError, match=text):
@@ -316,7 +316,7 @@ LINES = np.array([0.0, 70.0, 80.0, 90.0])
 
 
 def of_pyuff(file, *, write=True, x=LINES, H=None, units=None, **record):
-    """Write a response function as pyuff does; return its complex values per newton."""
+    """Write a response function by pyuff; return its complex values per newton."""
     pyuff = pytest.importorskip("pyuff")
     H = 1e-6 * np.exp(1j * np.arange(len(x))) if H is None else H
     record = {
@@ -329,15 +329,15 @@ def of_pyuff(file, *, write=True, x=LINES, H=None, units=None, **record):
         length, force = units
         sets.insert(0, pyuff.prepare_164(units_code=9, temp_mode=2, length=length, force=force, temp=1.0, temp_offset=273.15))
     if write:
-        file.unlink(missing_ok=True)  # its mode "overwrite" loses the header of binary data
+        file.unlink(missing_ok=True)  # because its mode "overwrite" loses the header of binary data
     pyuff.UFF(str(file)).write_sets(sets, mode="add")
     return H
 
 
 @pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.ranks(1)
-def test_functions_that_pyuff_writes(tmp_path, binary):
-    """By the level of their Z axis, in the range of the scene, from millimetres as well."""
+def test_functions_written_by_pyuff_are_read(tmp_path, binary):
+    """Functions are selected by the level of their Z axis and the range of the scene, and converted from millimetres."""
     file = tmp_path / "measured.uff"
     H = of_pyuff(file, binary=binary)
     rows = read_measured(file, ("6", "tip"), ("m", "m"), LEVELS, (75.0, 95.0))
@@ -366,7 +366,7 @@ def test_functions_that_pyuff_writes(tmp_path, binary):
     ],
 )
 @pytest.mark.ranks(1)
-def test_wrong_universal_files_are_refused(tmp_path, record, text):
+def test_wrong_universal_files_are_rejected(tmp_path, record, text):
     file = tmp_path / "measured.unv"
     of_pyuff(file, **record)
     with pytest.raises(CaseError, match=text):
@@ -374,7 +374,7 @@ def test_wrong_universal_files_are_refused(tmp_path, record, text):
 
 
 @pytest.mark.ranks(1)
-def test_damaged_universal_files_are_refused(tmp_path):
+def test_damaged_universal_files_are_rejected(tmp_path):
     file = tmp_path / "measured.unv"
     of_pyuff(file, x=np.linspace(1.0, 2.0, 500))
     with pytest.raises(CaseError, match="500 lines; state .response. frequencies"):
@@ -393,7 +393,7 @@ def test_damaged_universal_files_are_refused(tmp_path):
 
 @pytest.mark.ranks(1)
 def test_a_universal_file_of_results_is_identified(structure, comm, path, program, shared_path):
-    """What `convert` writes, read again: the true numbers at once."""
+    """The file written by `convert` is read again: the true parameters are identified at once."""
     pytest.importorskip("pyuff")
     status, _, err = program(
         "run", path, "--out", shared_path / "unv", "--set", "response.levels=[20.0]", "--set", "response.points=4"

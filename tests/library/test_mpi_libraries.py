@@ -1,4 +1,4 @@
-"""The log of a run says which library did what, truly: other solvers, and parts of an earlier run, are named as such."""
+"""The log of a run states which library did each part: other solvers, and parts of an earlier run, are named."""
 
 import re
 from pathlib import Path
@@ -21,7 +21,7 @@ from microslip.system.versions import versions
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
-SMALL, LARGE = (4, 2, 1), (8, 3, 2)  # up to 400 DOF, with LAPACK, and beyond
+SMALL, LARGE = (4, 2, 1), (8, 3, 2)  # up to 400 DOF, by LAPACK, and more
 FEW = ("response.levels=[30.0]", "response.span=[0.98, 1.02]", "response.points=5")
 SHORT = ("solver.harmonics=1", "solver.samples=32", "solver.modes=6", "solver.error_bars=false")
 
@@ -33,7 +33,7 @@ def with_a_cache_and_without_pictures(monkeypatch, shared_path):
 
 
 def parts_of_run(folder: Path, name: str = "first", *settings: str, divisions=LARGE) -> dict[str, str]:
-    """Return the part of each library, as the log of a run of the bar says it; runs of a folder share its cache."""
+    """Return the part of each library in the log of a run of the bar; runs of a folder share its cache."""
     path = on_root(
         COMM, lambda: folder / "bar.toml" if (folder / "bar.toml").is_file() else write_bar(folder, divisions=divisions)
     )
@@ -43,7 +43,7 @@ def parts_of_run(folder: Path, name: str = "first", *settings: str, divisions=LA
     return dict(line.split(maxsplit=1) for line in block.splitlines())
 
 
-def test_each_library_does_its_part_in_a_default_run(shared_path, monkeypatch):
+def test_the_log_of_a_default_run_names_the_library_of_each_part(shared_path, monkeypatch):
     calls = []
     for name in ("nested_dissection", "part_graph"):
         of_metis = getattr(pymetis, name)
@@ -69,19 +69,19 @@ def test_each_library_does_its_part_in_a_default_run(shared_path, monkeypatch):
 
 
 @pytest.mark.ranks(1)
-def test_modes_and_factor_of_an_earlier_run_are_named_so(shared_path):
+def test_cached_modes_and_factor_are_named_as_such(shared_path):
     parts_of_run(shared_path, "first", *SHORT)
-    known = parts_of_run(shared_path, "second", *SHORT, "joints.joint.friction=0.04")
-    assert known["matrices"].startswith("PETSc ") and known["modes"] == "from an earlier run"
-    assert known["factor"].startswith("MUMPS ") and known["factor"].endswith(" Cholesky, from an earlier run")
-    assert known["order"] == "METIS, from an earlier run"
-    assert known["points"].startswith("SNES newtonls at ")
+    cached = parts_of_run(shared_path, "second", *SHORT, "joints.joint.friction=0.04")
+    assert cached["matrices"].startswith("PETSc ") and cached["modes"] == "from an earlier run"
+    assert cached["factor"].startswith("MUMPS ") and cached["factor"].endswith(" Cholesky, from an earlier run")
+    assert cached["order"] == "METIS, from an earlier run"
+    assert cached["points"].startswith("SNES newtonls at ")
     small = parts_of_run(shared_path, "third", *SHORT, "response.levels=[0.01]", "response.fields=false")
     for part in ("matrices", "factor", "order", "modes"):
         assert small[part] == "from an earlier run, in its reduced model"
 
 
-def test_what_another_library_or_none_has_done_is_not_ascribed_to_these(shared_path, monkeypatch):
+def test_parts_by_another_library_or_none_are_named_as_such(shared_path, monkeypatch):
     options = PETSc.Options("static_")
     options["pc_type"] = "lu"
     if COMM.size == 1:
@@ -98,7 +98,7 @@ def test_what_another_library_or_none_has_done_is_not_ascribed_to_these(shared_p
     assert parts["factor"] == parts["order"] == f"{'petsc' if COMM.size == 1 else 'mumps'}, by PETSc's options"
 
 
-def test_another_solver_of_newtons_method_is_named_as_snes_names_it(shared_path):
+def test_another_nonlinear_solver_is_named_by_its_snes_name(shared_path):
     options = PETSc.Options("hb_")
     options["snes_type"] = "newtontr"
     try:
@@ -109,7 +109,7 @@ def test_another_solver_of_newtons_method_is_named_as_snes_names_it(shared_path)
 
 
 @pytest.mark.ranks(2)
-def test_the_partition_is_named_by_what_made_it(shared_path, monkeypatch):
+def test_the_partition_is_named_by_its_library(shared_path, monkeypatch):
     def halves(graph, n_parts, weights):
         return np.arange(graph.shape[0]) * n_parts // graph.shape[0]
 

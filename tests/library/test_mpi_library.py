@@ -1,4 +1,4 @@
-"""One structure, many responses: what a run gives, what a new structure gives, and nothing built twice; on any number of ranks."""
+"""One structure, many responses: each equals that of a run and of a new structure, and nothing is built twice; on any ranks."""
 
 import gc
 from dataclasses import replace
@@ -27,8 +27,8 @@ from microslip.scene.read import changed
 COMM = MPI.COMM_WORLD
 LEVELS = (10.0, 30.0)
 NUMBERS = ("frequency", "response", "du", "p", "energy", "state", "error", "unknowns", "newton")
-# MUMPS adds what ranks send in the order in which it arrives; with the last digits changes where Newton and GMRES stop
-# within their tolerances, and how often they go on: 1e-5 of the response has been seen.  The bar's adjoint is solved to 1e-3 only.
+# MUMPS adds contributions of ranks in the order of their arrival; the last digits decide where Newton and GMRES stop
+# within their tolerances: differences of 1e-5 of the response occur.  The bar's adjoint is solved to 1e-3.
 ROUNDING, COMPARED = (0.0, NUMBERS) if COMM.size == 1 else (1e-4, NUMBERS[:-1])
 OF_THE_BAR = 1e-3
 
@@ -56,7 +56,7 @@ def response(structure):
 
 
 def assert_equal(computed, wanted, tolerance=0.0):
-    """Compare all that two results say of their points, relative to the largest of each quantity."""
+    """Compare all points of two results, relative to the largest value of each quantity."""
     for a, b in zip(computed.levels, wanted.levels, strict=True):
         assert (a.level, a.status) == (b.level, b.status) and len(a.frequency) > 5
         for name in COMPARED:
@@ -66,8 +66,8 @@ def assert_equal(computed, wanted, tolerance=0.0):
 
 
 @pytest.mark.slow
-def test_a_response_is_that_of_a_run(comm, folder, scene, structure, response, monkeypatch):
-    monkeypatch.setattr(plots, "PICTURES", plots.PICTURES[:1])  # drawing takes longer than all else
+def test_a_response_equals_the_results_of_a_run(comm, folder, scene, structure, response, monkeypatch):
+    monkeypatch.setattr(plots, "PICTURES", plots.PICTURES[:1])  # drawing takes longer than the rest
     run(scene, comm, folder / "run", RunOptions(screen=False))
     response.save(folder / "saved")
     run_by_program, saved = (read_results(str(folder / name / "results.h5")) for name in ("run", "saved"))
@@ -84,11 +84,11 @@ def test_a_response_is_that_of_a_run(comm, folder, scene, structure, response, m
         for name in ("modes.vtkhdf", "peak_response.vtkhdf"):
             with h5py.File(folder / "run" / name) as a, h5py.File(folder / "saved" / name) as b:
                 assert np.array_equal(a["VTKHDF/Points"], b["VTKHDF/Points"])
-    assert_kept(comm, folder, structure, response)
+    assert_fields_and_log(comm, folder, structure, response)
 
 
-def assert_kept(comm, folder, structure, response):
-    """Compare what results.h5 keeps on the mesh with the motion that the library gives, and look at what the run said.  Collective."""
+def assert_fields_and_log(comm, folder, structure, response):
+    """Compare the fields of results.h5 on the mesh with the motion of the library, and check the log of the run.  Collective."""
     frequency, u = response.fields(response.levels[-1])
 
     def check():
@@ -119,12 +119,12 @@ CHANGES = {
     "range": ({"frequencies": [1.0, 2.0]}, None, {}),
     "modes": ({"modes": 8}, {"solver": {"modes": 8}}, {}),
 }
-ON_RANKS, ALONE = ("friction",), pytest.mark.ranks(1)  # changes tried on several ranks, too
+ON_RANKS, ALONE = ("friction",), pytest.mark.ranks(1)  # changes tested on several ranks, too
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in ON_RANKS else ALONE) for name in CHANGES])
-def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, name):
+def test_a_changed_response_is_that_of_a_new_structure(comm, scene, structure, response, name):
     keys, tables, of_joint = CHANGES[name]
     if name == "range":
         band = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.05)]
@@ -138,7 +138,7 @@ def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, n
     assert not np.array_equal(computed["corner"].amplitude, response["corner"].amplitude)
 
 
-def test_nothing_that_did_not_change_is_built_again(structure, response, monkeypatch):
+def test_unchanged_parts_are_not_built_again(structure, response, monkeypatch):
     built, factorise, info, columns = [], factors.factorise, structure.linearised.factor.info, structure.statics.G_static
     monkeypatch.setattr(factors, "factorise", lambda *of, **how: built.append(of) or factorise(*of, **how))
     columns.require(np.arange(N_PAIRS))
@@ -155,7 +155,7 @@ def test_nothing_that_did_not_change_is_built_again(structure, response, monkeyp
 
 
 @pytest.mark.ranks(1)
-def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
+def test_modes_are_selected_for_the_requested_response(structure):
     def modes_of(**keys):
         response = microslip.respond(structure, modes=None, accuracy=0.05, points=5, error_bars=False, **keys)
         return response.prepared.structure.projected
@@ -166,7 +166,7 @@ def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
 
 
 @pytest.mark.ranks(1)
-def test_what_a_log_would_say_of_the_modes_is_kept(structure):
+def test_the_note_on_the_modes_is_part_of_the_response(structure):
     assert microslip.respond(structure, points=5).notes == ()
     (note,) = microslip.respond(structure, modes=3, points=5).notes
     assert note.startswith("modes: 3, stated by [solver] modes")
@@ -187,7 +187,7 @@ def test_every_rank_has_the_same_arrays(comm, response):
         assert np.array_equal(comm.bcast(response.array(name)), response.array(name), equal_nan=True)
 
 
-def test_fields_pass_through_the_outputs(comm, structure, response):
+def test_fields_agree_with_the_outputs(comm, structure, response):
     frequency, u = response.fields(30.0)
     peaks = response["corner"].peaks
     assert frequency == peaks[0][1] and peaks[1][1] == np.nanmax(response["corner"].amplitude[1])
@@ -232,7 +232,7 @@ def test_fields_and_forces_of_matrices(comm, folder):
         ({"modes": 136}, r"bar.toml: \[solver\] modes = 136: the structure has only 135"),
     ],
 )
-def test_what_no_scene_may_hold_is_refused(structure, keys, message):
+def test_invalid_keys_of_a_response_are_rejected(structure, keys, message):
     with pytest.raises(CaseError, match=message):
         microslip.respond(structure, **keys)
 
@@ -242,7 +242,7 @@ def test_every_key_of_a_response_has_a_type():
     assert set(Keys.__annotations__) == of_curves
 
 
-def test_a_gap_takes_no_preload(structure):
+def test_a_preload_on_a_gap_is_rejected(structure):
     open_pairs = replace(structure.pairs, N0=-structure.pairs.N0)
     with pytest.raises(CaseError, match="it has a gap, and an open pair carries no preload"):
         microslip.respond(replace(structure, pairs=open_pairs), preload=np.full(N_PAIRS, 1e6))
@@ -260,7 +260,7 @@ def test_pictures(comm, folder, response):
         response.plot(path, "respnse")
 
 
-def test_a_closed_structure_refuses_what_needs_its_factor(scene, comm):
+def test_a_closed_structure_rejects_responses_that_need_its_factor(scene, comm):
     with microslip.build(scene, comm) as structure:
         response = microslip.respond(structure, levels=1e-3, points=5, error_bars=False)
     structure.close()
@@ -270,7 +270,7 @@ def test_a_closed_structure_refuses_what_needs_its_factor(scene, comm):
             asks()
 
 
-def test_a_closed_structure_leaves_no_matrix(scene, comm):
+def test_a_closed_structure_frees_its_matrices(scene, comm):
     structure = microslip.build(scene, comm)
     matrices = structure.linearised.K_L, structure.linearised.system.K, structure.linearised.system.M
     assert all(matrices)
@@ -278,15 +278,15 @@ def test_a_closed_structure_leaves_no_matrix(scene, comm):
     assert not any(matrices)
 
 
-def test_a_dropped_structure_is_freed_by_the_next_build(scene, comm, capfd):
-    dropped, kept = microslip.build(scene, comm), microslip.build(scene, comm)
-    instances = [one.linearised.factor.solver.mumps for one in (dropped, kept)]
+def test_an_unreferenced_structure_is_freed_by_the_next_build(scene, comm, capfd):
+    dropped, open_structure = microslip.build(scene, comm), microslip.build(scene, comm)
+    instances = [each.linearised.factor.solver.mumps for each in (dropped, open_structure)]
     del dropped
     gc.collect()
-    assert all(one.is_open for one in instances)
+    assert all(mumps.is_open for mumps in instances)
     with microslip.build(scene, comm):
-        assert [one.is_open for one in instances] == [False, True]
+        assert [mumps.is_open for mumps in instances] == [False, True]
         PETSc.garbage_view(comm)
         assert "Total entries: 0" in capfd.readouterr().out or comm.rank > 0
-    assert len(microslip.respond(kept, levels=1e-3, points=5, error_bars=False)["corner"].amplitude) == 1
-    kept.close()
+    assert len(microslip.respond(open_structure, levels=1e-3, points=5, error_bars=False)["corner"].amplitude) == 1
+    open_structure.close()

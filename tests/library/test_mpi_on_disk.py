@@ -1,4 +1,4 @@
-"""A factor on disk: the stiffness of the bodies alone is let go, comes back for who asks for it, and no file is left."""
+"""A factor on disk: the stiffness of the bodies is freed and restored on demand, and no file remains."""
 
 import gc
 import shutil
@@ -28,7 +28,7 @@ def scene(comm, shared_path):
 
 @pytest.fixture
 def on_disk(comm, shared_path, monkeypatch):
-    """The folder in which factors are kept from now on, whatever the memory."""
+    """Return the folder in which factors are stored, whatever the memory."""
     monkeypatch.setenv(out_of_core.VARIABLE, str(shared_path))
     PETSc.Options()["static_mat_mumps_icntl_22"] = 1
     yield shared_path
@@ -46,12 +46,12 @@ def peak(response):
 
 
 @pytest.mark.parametrize("method", ["receptance", "rubin"])
-def test_a_structure_without_its_stiffness_answers_as_one_with_it(comm, scene, on_disk, method):
+def test_a_response_without_the_stored_stiffness_is_the_same(comm, scene, on_disk, method):
     with microslip.build(scene, comm) as structure:
         K, linearised = structure.linearised.system.K, structure.linearised
         assert linearised.factor.info["out_of_core"] and not K and files(comm, on_disk)
         without = peak(microslip.respond(structure, method=method))
-        assert bool(K) == (method == "rubin")  # which starts from the bodies alone
+        assert bool(K) == (method == "rubin")  # which needs the stiffness of the bodies
         linearised.bring_K_back()
         phi_owned = structure.modes.phi_owned
         products = gram(comm, phi_owned, multiply(K, phi_owned))
@@ -65,12 +65,12 @@ def test_a_structure_without_its_stiffness_answers_as_one_with_it(comm, scene, o
 
 
 @pytest.mark.parametrize("changes", [{"method": "craig-bampton"}, {"verify_modes": False}])
-def test_what_is_asked_for_from_the_start_keeps_it_or_not(comm, scene, on_disk, changes):
+def test_the_stiffness_is_stored_only_if_the_method_needs_it(comm, scene, on_disk, changes):
     with microslip.build(changed(scene, {"solver": changes}), comm) as structure:
         assert bool(structure.linearised.system.K) == ("method" in changes)
 
 
-def test_no_file_is_left_behind(comm, scene, on_disk):
+def test_no_factor_file_remains(comm, scene, on_disk):
     with microslip.build(scene, comm):
         assert files(comm, on_disk)
     gc.collect()
@@ -78,7 +78,7 @@ def test_no_file_is_left_behind(comm, scene, on_disk):
     assert not list(on_disk.glob(f"{out_of_core.PREFIX}*"))
 
 
-def test_nor_by_a_run_that_is_refused(comm, scene, on_disk, monkeypatch):
+def test_no_factor_file_remains_of_a_failed_run(comm, scene, on_disk, monkeypatch):
     def refused(*_):
         raise ResourceError("not enough memory for modes")
 
@@ -90,7 +90,7 @@ def test_nor_by_a_run_that_is_refused(comm, scene, on_disk, monkeypatch):
     assert not list(on_disk.glob(f"{out_of_core.PREFIX}*"))
 
 
-def test_a_name_that_mumps_has_no_room_for_is_refused(comm, scene, on_disk, monkeypatch):
+def test_a_file_name_too_long_for_mumps_is_rejected(comm, scene, on_disk, monkeypatch):
     long = on_disk / ("long" * 50) / ("name" * 20)
     on_root(comm, lambda: long.mkdir(parents=True, exist_ok=True))
     monkeypatch.setenv(out_of_core.VARIABLE, str(long))

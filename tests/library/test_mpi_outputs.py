@@ -1,4 +1,4 @@
-"""Velocity, acceleration, stress, strain, contact force and a moving base: closed forms, dense algebra, every method; on any ranks."""
+"""Velocity, acceleration, stress, strain, contact force and a moving base: closed forms, dense algebra, every method."""
 
 import csv
 
@@ -89,7 +89,7 @@ def test_every_method_meets_a_direct_solution(comm, shared_path):
 @pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_contact_forces_and_loads_accelerate_the_bar(comm, shared_path):
-    """Newton's law of the bar, which nothing but its joint holds, while pairs slip: without damping, in every harmonic."""
+    """Newton's law of the bar, supported only by its joint, while pairs slip: without damping, in every harmonic."""
     forces = "".join(
         output(axis, f'quantity = "contact_force"\njoint = "joint"\ndirection = {direction}\n')
         for axis, direction in zip("xyz", np.eye(3).tolist())
@@ -116,7 +116,7 @@ def test_contact_forces_and_loads_accelerate_the_bar(comm, shared_path):
 
 
 def test_a_moving_base_is_a_moving_support(comm, shared_path):
-    """Absolute motion against the fixed nodes driven by -a / omega^2, and relative motion beside it; without damping."""
+    """Absolute motion with the fixed nodes driven by -a / omega^2, and the relative motion; without damping."""
     outputs = ABSOLUTE + output("relative", ALONG)
     scene = scene_with(comm, shared_path, loads=BASE, outputs=outputs, damping="ratio = 0.0", **COARSE)
     with microslip.build(scene, comm) as structure:
@@ -188,7 +188,7 @@ def test_a_rod_under_pressure_and_on_a_moving_base(comm, shared_path):
             with microslip.build(rod(comm, shared_path, text), comm) as structure:
                 model = reduced_model(structure)
                 values.append(to_complex(output_motion(model, 1.0, omega, np.zeros((0, model.N_H))))[:, 1].real)
-        assert values[0][0] == pytest.approx(-5.0 / np.cos(k * LENGTH), rel=3e-3)  # the fit is linear over an element
+        assert values[0][0] == pytest.approx(-5.0 / np.cos(k * LENGTH), rel=3e-3)  # the fit is linear within an element
         base = -2.0 / omega**2
         assert values[1][0] == pytest.approx(base / np.cos(k * LENGTH), rel=1e-4)
         assert values[1][1] == pytest.approx(base * k * np.tan(k * LENGTH), rel=2e-3)
@@ -196,8 +196,8 @@ def test_a_rod_under_pressure_and_on_a_moving_base(comm, shared_path):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_error_bars_hold_for_every_output(comm, shared_path):
-    """Of three harmonics against thirteen, with slip; those of a velocity are omega times those of the displacement."""
+def test_error_bars_are_valid_for_every_output(comm, shared_path):
+    """Three harmonics compared with thirteen, with slip; error bars of a velocity are omega times those of the displacement."""
     scene = scene_with(comm, shared_path, outputs=OUTPUTS, samples=64, points=3, **COARSE)
     with microslip.build(scene, comm) as structure:
         top = float(structure.modes.frequency[0])
@@ -222,7 +222,7 @@ def test_error_bars_hold_for_every_output(comm, shared_path):
 
 @pytest.mark.slow
 @pytest.mark.ranks(2)
-def test_files_say_the_units(comm, shared_path, monkeypatch):
+def test_files_state_the_units(comm, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.results.plots.draw_all", lambda *files: [])
     scene = scene_with(comm, shared_path, loads=BASE, outputs=ABSOLUTE + OUTPUTS, points=3, samples=64, **COARSE)
     with microslip.build(scene, comm) as structure:
@@ -243,8 +243,8 @@ def test_files_say_the_units(comm, shared_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_time_integration_knows_them_too(program, comm, shared_path):
-    """The first output an absolute velocity, or a contact force; where pairs slip."""
+def test_time_integration_has_all_outputs(program, comm, shared_path):
+    """The first output is an absolute velocity or a contact force; pairs slip."""
     for lines in (
         ALONG + 'quantity = "velocity"\nabsolute = true\n',
         'quantity = "contact_force"\njoint = "joint"\ndirection = [1.0, 0.0, 0.0]\n',
@@ -252,8 +252,8 @@ def test_time_integration_knows_them_too(program, comm, shared_path):
         scene = scene_with(
             comm, shared_path, loads=BASE + LOADS, outputs=output("first", lines), points=4, samples=128, harmonics=5, **COARSE
         )
-        status, _, said = program("verify", scene.path, "--out", shared_path / "out", "--steps", "256", "--levels", "40")
-        assert status == 0, said
+        status, _, messages = program("verify", scene.path, "--out", shared_path / "out", "--steps", "256", "--levels", "40")
+        assert status == 0, messages
         with open(shared_path / "out" / "verify.csv", newline="") as file:
             rows = list(csv.DictReader(file))
         assert rows and all(abs(float(row["difference_with_phase"])) < 1e-3 + float(row["own_error"]) for row in rows)
@@ -306,7 +306,7 @@ def test_bad_input(comm, shared_path, name):
 
 
 def test_a_joint_carries_the_mass_that_its_base_accelerates(comm, shared_path):
-    """A constant acceleration of the plate: the joint moves the bar, and the mass of a point that is tied to it."""
+    """Under a constant acceleration of the plate the joint carries the bar and the mass of a point tied to it."""
     force = output("force", 'quantity = "contact_force"\njoint = "joint"\ndirection = [1.0, 0.0, 0.0]\n')
     point = '[[points]]\nname = "rider"\nposition = [0.02, 0.005, 0.04]\ngroup = "bar_end"\nmass = 0.5\n'
     loads = "[[loads]]\nbase_acceleration = [2.0, 0.0, 0.0]\nharmonic = 0\n"

@@ -1,4 +1,4 @@
-"""Peaks over numbers of a scene, [[response.over]]: one mass on a Jenkins element against its closed form; on any number of ranks."""
+"""Peaks over parameters of a scene, [[response.over]]: the closed form of one mass on a Jenkins element; on any number of ranks."""
 
 import csv
 from dataclasses import replace
@@ -66,7 +66,7 @@ def structure(comm, path):
 
 
 @pytest.mark.ranks(1)
-def test_a_peak_over_friction_goes_down_to_small_values(structure):
+def test_a_peak_over_friction_is_followed_to_small_values(structure):
     """Steps that would lead to negative friction are shortened."""
     (curve,) = microslip.peaks(structure, {"joints.joint.friction": (3.0, 0.02)}, level=0.8)
     assert not curve.points.failure and curve.value[-1] == 0.02 and curve.value.min() >= 0.02
@@ -77,7 +77,7 @@ def test_a_peak_over_friction_goes_down_to_small_values(structure):
 
 
 def test_a_peak_is_the_corner_of_the_curve_where_a_pair_begins_to_slip(comm, monkeypatch):
-    """As on the curve; the top of the parabola through three solutions lies 0.2 % lower.  On the way to 0.08 N there are no corners."""
+    """As on the curve; the top of the parabola through three solutions is 0.2 % lower.  There are no corners down to 0.08 N."""
     keys = {"error_bars": False, "harmonics": 3, "samples": 128}
     with microslip.build(microslip.read(SPATIAL), comm) as built:
         curves = microslip.respond(built, levels=[0.1], peaks=True, frequencies=[0.22, 0.24], points=20, **keys)
@@ -93,7 +93,7 @@ def test_a_peak_is_the_corner_of_the_curve_where_a_pair_begins_to_slip(comm, mon
 
 @pytest.mark.ranks(1)
 def test_a_peak_of_a_curve_is_the_end_of_the_higher_of_two_pieces(comm):
-    """Where the pair begins to slip its mean position jumps; the maximum of the piece with slip is 3e-4 lower."""
+    """The mean position jumps where the pair begins to slip; the maximum of the piece with slip is 3e-4 lower."""
     keys = {"levels": [0.06], "error_bars": False, "harmonics": 3, "samples": 64}
     with microslip.build(microslip.read(SPATIAL), comm) as built:
         curves = microslip.respond(built, peaks=True, frequencies=[0.25, 0.28], points=20, **keys)
@@ -104,22 +104,22 @@ def test_a_peak_of_a_curve_is_the_end_of_the_higher_of_two_pieces(comm):
 
 
 @pytest.mark.ranks(1)
-def test_a_peak_that_ends_early_says_whether_the_maximum_still_exists(comm):
-    """That at 0.2634 Hz joins a minimum at 0.0858 N, where another one on the flat top of the curve remains."""
+def test_a_peak_that_ends_early_reports_whether_the_maximum_exists(comm):
+    """The maximum at 0.2634 Hz joins a minimum at 0.0858 N, where another maximum on the flat top of the curve remains."""
     response, solver = {"frequencies": [0.2, 0.3], "points": 60}, {"error_bars": False, "harmonics": 3, "samples": 128}
     with microslip.build(changed(microslip.read(SPATIAL), {"response": response, "solver": solver}), comm) as built:
         of = prepare(built).response
         request = PeakRequest("level", (0.03, 1.0), (), 0, 0.0)
         stuck = beginnings(of, request)[1]
         ends = [SimpleNamespace(parameters=(level, 2.0 * np.pi * hertz)) for level, hertz in ((0.0853, 0.2634), (0.078, 0.267))]
-        gone, there = (beyond_the_end(of, request, stuck, end) for end in ends)
-    assert "maxima only at 0.23" in gone and "last at 0.2634 Hz, has met a minimum" in gone
-    assert "has a maximum near by, at 0.26" in there
+        ended, remaining = (beyond_the_end(of, request, stuck, end) for end in ends)
+    assert "maxima only at 0.23" in ended and "last at 0.2634 Hz, has met a minimum" in ended
+    assert "has a maximum near by, at 0.26" in remaining
 
 
 @pytest.mark.ranks(1)
 def test_the_peak_over_contact_stiffness_is_the_closed_form(structure):
-    """The structure changes from one Newton iteration to the next."""
+    """The structure changes between Newton iterations."""
     (curve,) = microslip.peaks(structure, {"joints.joint.tangential_stiffness": (0.8, 1.5)}, level=0.8)
     assert not curve.points.failure and curve.value[-1] == 1.5
     of_values = [exact.jenkins_peak(0.8, 1.0, C, k_t) for k_t in curve.value]
@@ -132,7 +132,7 @@ def test_the_peak_over_the_level_is_the_closed_form(structure):
     assert not curve.points.failure and curve.value[-1] == LEVELS[1] and len(curve.value) < 100
     sticks = ~curve.points.state.any(axis=1)
     assert sticks[0] and curve.per_level[sticks] == pytest.approx(abs(curve.linear.amplitude), rel=1e-9)
-    slips = curve.value > 0.06  # before, the top is flat
+    slips = curve.value > 0.06  # below, the top is flat
     exact = np.array([amplitude(level) for level in curve.value[slips]])
     assert curve.amplitude[slips] == pytest.approx(exact, rel=30.0 / 128**2)
     for level in (0.4, 0.8):
@@ -143,8 +143,8 @@ def test_the_peak_over_the_level_is_the_closed_form(structure):
 
 
 @pytest.mark.ranks(1)
-def test_peaks_of_modes_that_hardly_move_the_joint(comm, shared_path):
-    """A mirror-symmetric chain with its joint in the middle: half of the modes do not move it, all peaks are those of curves."""
+def test_peaks_of_modes_with_little_motion_of_the_joint(comm, shared_path):
+    """A mirror-symmetric chain with its joint in the middle: half of the modes do not deform it; all peaks are those of curves."""
     n, levels = 6, (0.5, 3.0)
     K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     K[2:4, 2:4] += 0.5 * np.array([[-1.0, 1.0], [1.0, -1.0]])
@@ -172,7 +172,7 @@ def test_peaks_of_modes_that_hardly_move_the_joint(comm, shared_path):
 
 @pytest.mark.ranks(1)
 def test_a_peak_over_friction_begins_where_the_pair_slides(structure):
-    """From far beyond the first slip, down over the level and up over friction to the stuck pair."""
+    """From far beyond first slip, down over the level and up over friction to the stuck pair."""
     (curve,) = microslip.peaks(structure, {"joints.joint.friction": (0.1, 0.6)}, level=0.8)
     assert not curve.points.failure and curve.value[-1] == 0.6
     slips = curve.points.state.any(axis=1) & (curve.amplitude > 1.2)
@@ -198,7 +198,7 @@ def test_a_requested_value_without_a_solution_is_noted_and_the_curve_goes_on(str
 @pytest.mark.study
 @pytest.mark.ranks(1)
 def test_the_peak_over_friction_begins_where_the_pair_slips(structure):
-    """The peak depends on level / limit alone."""
+    """The peak depends on level / limit only."""
     (curve,) = microslip.peaks(structure, {"joints.joint.friction": (1.0, 0.6)}, level=0.8)
     assert curve.value[0] == 1.0 and curve.value[-1] == 0.6 and curve.points.state.all()
     assert curve.amplitude == pytest.approx([amplitude(0.8, limit) for limit in curve.value], rel=30.0 / 128**2)
@@ -246,23 +246,23 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
         pytest.param({"key": "damping", "range": (0.0, 2.0)}, "at 0, where nothing", id="no damping"),
     ],
 )
-def test_a_number_that_cannot_be_followed_is_refused(path, over, says):
+def test_a_parameter_that_cannot_be_followed_is_rejected(path, over, says):
     with pytest.raises(CaseError, match=says):
         changed(microslip.read(path), {"response": {"over": (over,)}})
 
 
 @pytest.mark.parametrize("over", ["level", {"level": 3.0}, {"level": (1.0, 2.0, 3.0)}])
-def test_a_range_that_is_none_is_refused(structure, over):
+def test_an_invalid_range_is_rejected(structure, over):
     with pytest.raises(CaseError, match="peaks: over = .*: expected a mapping of keys to two ends"):
         microslip.peaks(structure, over)
 
 
-def test_no_peak_in_the_range_is_refused(structure):
+def test_a_range_without_peak_is_rejected(structure):
     with pytest.raises(CaseError, match="has no peak between"):
         microslip.peaks(structure, {"level": LEVELS}, frequencies=(0.01, 0.05))
 
 
-def test_values_that_the_law_has_not_are_refused(structure):
+def test_values_invalid_for_the_law_are_rejected(structure):
     with pytest.raises(CaseError, match="has a gap; vary joints.joint.preload"):
         microslip.peaks(structure, {"joints.joint.gap": (1.0, 2.0)}, level=0.8)
     negative = PeakRequest(LawParameter("mu", np.array([0]), np.array([1.0])), (2.0, -1.0), (), 0, 0.8)
@@ -272,7 +272,7 @@ def test_values_that_the_law_has_not_are_refused(structure):
 
 @pytest.mark.ranks(1)
 def test_the_peak_of_a_mass_below_its_stop_is_the_closed_form(comm):
-    """Where the linear response, with the stop closed, is of twice the frequency."""
+    """The linear response, with the stop closed, has twice the frequency."""
     scene = microslip.read(Path(__file__).parents[2] / "jobs" / "stop.toml")
     with microslip.build(scene, comm) as built:
         keys = {"frequencies": (0.12, 0.4), "points": 20, "error_bars": False}
@@ -285,7 +285,7 @@ def test_the_peak_of_a_mass_below_its_stop_is_the_closed_form(comm):
 
 
 def test_the_peak_over_damping_of_one_mass(structure):
-    """A factor of C, here of all damping: the closed form while the mass sticks, and while it slips."""
+    """The factor of C is the factor of all damping here: the closed form for the sticking and the slipping mass."""
     (curve,) = microslip.peaks(structure, {"damping": (4.0, 0.5)}, level=0.05, values=(2.0,))
     assert curve.unit == "times the scene's values" and curve.value[0] == 4.0 and curve.value[-1] == 0.5 and 2.0 in curve.value
     sticks, c = ~curve.points.state.any(axis=1), C * curve.value
@@ -296,7 +296,7 @@ def test_the_peak_over_damping_of_one_mass(structure):
 
 
 def test_the_peak_over_damping_includes_structural_damping(comm, shared_path):
-    """While the mass sticks |a| is the most of level / |2 - omega^2 + i factor (2 zeta sqrt(2) omega + eta)|."""
+    """While the mass sticks, |a| is the maximum of level / |2 - omega^2 + i factor (2 zeta sqrt(2) omega + eta)|."""
     zeta, eta = 0.01, 0.04
     loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
     system = scenes.make_system(
@@ -320,7 +320,7 @@ def test_the_peak_over_damping_includes_structural_damping(comm, shared_path):
 
 @pytest.mark.study
 def test_the_peak_over_the_damping_ratio_of_all_modes(comm, shared_path):
-    """Ends at the peaks of a scene with that ratio, error bars included."""
+    """It ends at the peaks of a scene with that ratio, including error bars."""
     level, curves = 3.0, []
     for ratio, over in ((0.004, {"damping.ratio": (0.004, 0.006)}), (0.006, {"level": (0.5 * level, level)})):
         system = scenes.chain() | {"zeta": ratio}
@@ -328,7 +328,7 @@ def test_the_peak_over_the_damping_ratio_of_all_modes(comm, shared_path):
         with microslip.build(microslip.read(path), comm) as structure:
             curves.append(microslip.peaks(structure, over, **({} if "level" in over else {"level": level})))
     assert curves[0][0].points.state[-1].any()
-    for k in (0, 2):  # the peak between them is lost where it meets the first
+    for k in (0, 2):  # the peak between them ends where it joins the first
         curve, other = (of_scene[k] for of_scene in curves)
         assert not curve.points.failure and curve.value[-1] == pytest.approx(0.006)
         for name in ("amplitude", "frequency"):
@@ -401,7 +401,7 @@ def test_a_peak_that_is_not_near_is_searched_for_without_homotopies(structure, m
 
 @pytest.mark.ranks(1)
 def test_a_peak_in_gross_slip_begins_with_the_mean_slip_held(comm, shared_path, monkeypatch):
-    """Of a body that hangs on its joint alone, where Newton's method fails without, as along the curve that leads there."""
+    """For a body on its joint alone, where Newton's method fails without it, as along the curve to the peak."""
     n, level, first = 3, 4.0, PointSolver.first
     system = scenes.make_system(
         "two bodies", np.eye(n), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 1.0]]), [[1, -1, -1, 0, -1, -1]], mu=1.0,

@@ -1,4 +1,4 @@
-"""[response] peaks = true from the scene to the files: the demo of tests, a bar on its joint; on any number of ranks."""
+"""[response] peaks = true from the scene to the files: the bar of the tests on its joint; on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -50,6 +50,6 @@ def test_peaks_are_written_and_read_back(comm, folder, scene):
 
 
 @pytest.mark.parametrize("solver", [{"harmonics": 0}, {"method": "adaptive"}])
-def test_what_has_no_peaks_is_refused(scene, solver):
+def test_responses_without_peaks_are_rejected(scene, solver):
     with pytest.raises(CaseError, match="peaks = true"):
         changed(scene, {"solver": solver})

@@ -41,7 +41,7 @@ def response(structure):
 
 
 @pytest.mark.ranks(1)
-def test_a_joint_is_the_sum_of_its_pairs_and_friction_that_of_other_responses(structure, response):
+def test_derivatives_by_a_joint_are_sums_over_its_pairs_and_agree_with_differences(structure, response):
     table = response.sensitivity
     mu = np.unique(structure.pairs.mu)
     of_pairs = (table["mu"].amplitude * structure.pairs.mu).sum(axis=-1)
@@ -91,12 +91,12 @@ def test_frequency_and_phase_of_a_peak_follow_the_closed_form(tmp_path):
     ):
         by_frequency, by_phase = (ends[1] - ends[0]) / (2.0 * h)
         assert rates[key].frequency == pytest.approx(by_frequency, rel=3e-3)
-        assert rates[key].phase == pytest.approx(by_phase, abs=2e-3 * by_frequency * 40.0)  # the phase turns by 40 rad a Hz
+        assert rates[key].phase == pytest.approx(by_phase, abs=2e-3 * by_frequency * 40.0)  # the phase changes by 40 rad per Hz
 
 
 @pytest.mark.ranks(1)
-def test_peaks_move_as_peaks_of_other_levels_do(structure):
-    """To a sample the frequency of a peak depends on where slip ends; many of them leave little of that."""
+def test_derivatives_of_peaks_by_the_level_agree_with_differences(structure):
+    """The frequency of a peak depends on the sample at which slip ends; many samples reduce this error."""
     of = microslip.respond(structure, sensitivities=True, peaks=True, samples=512)
     (peak, rates), *_ = of.sensitivity.of_peaks(10.0)
     near = [microslip.respond(structure, levels=[level], peaks=True, samples=512).peaks[level][0] for level in (9.8, 10.2)]
@@ -111,7 +111,7 @@ def test_peaks_move_as_peaks_of_other_levels_do(structure):
         assert each == pytest.approx(rates[key].amplitude * of.sensitivity.varied[key].value / abs(peak.amplitude), rel=1e-9)
 
 
-def test_the_report_has_the_relative_changes_of_the_largest_point_without_peaks(response):
+def test_the_report_without_peaks_has_relative_changes_of_the_largest_point(response):
     table, results = response.sensitivity, response.sensitivity.results
     results = replace(results, levels=tuple(replace(level, peaks=None) for level in results.levels))
     size = np.hypot(*results.levels[0].response[:, 0, 1:3].T)
@@ -135,14 +135,14 @@ def test_scatter_is_the_root_of_the_sum_of_squares(response):
             table.scatter(wrong)
 
 
-def test_without_them_there_are_none(structure, response):
+def test_sensitivities_that_were_not_requested_are_rejected(structure, response):
     with pytest.raises(CaseError, match="sensitivities=True"):
         microslip.respond(structure, points=4).sensitivity["mu"]  # noqa: B018
     with pytest.raises(CaseError, match="no number"):
         response.sensitivity["m"]  # noqa: B018
 
 
-def test_a_run_writes_them(comm, path, program, shared_path):
+def test_a_run_writes_sensitivities(comm, path, program, shared_path):
     keys = [part for key in ("sensitivities", "peaks") for part in ("--set", f"response.{key}=true")]
     status, _, err = program("run", path, "--out", shared_path / "out", *keys)
     assert status == 0, err

@@ -1,4 +1,4 @@
-"""A structure held at a hundred-thousandth of its elastic frequencies answers as the dense sum over its modes says."""
+"""A structure supported at a hundred-thousandth of its elastic frequencies has the response of the dense sum over its modes."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ ELASTIC = 2236.0  # rad/s, the lowest elastic mode of the truss
 
 @pytest.mark.parametrize("held", [1e-2, 1e-5])
 def test_the_response_of_a_softly_held_truss(tmp_path, held):
-    """All pairs stick.  At 1e-5 the static solution is 1e10 times what remains beside its rigid-body motion."""
+    """All pairs stick.  At 1e-5 the static solution is 1e10 times the part without its rigid-body motion."""
     omega, zeta = ELASTIC * np.array([0.9, 0.97, 1.03]), 0.01
     load, output, free, soft, system = softly_held_truss(held, ELASTIC, omega, zeta=zeta)
     R = system["R"]

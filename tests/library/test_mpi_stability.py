@@ -1,4 +1,4 @@
-"""[response] stability = true from the scene to the files, and again from the files of the run; on any number of ranks."""
+"""[response] stability = true from the scene to the files, and from the files of a previous run; on any number of ranks."""
 
 import csv
 
@@ -30,10 +30,10 @@ def scene(comm, folder):
 
 
 @pytest.mark.ranks(1)
-def test_multipliers_are_written_read_back_and_kept_for_a_restart(comm, folder, scene):
+def test_multipliers_are_written_and_restored(comm, folder, scene):
     with microslip.build(scene, comm) as structure:
         response = microslip.respond(structure)
-    for _ in range(2):  # the second time from what the first one left
+    for _ in range(2):  # the second time from the files of the first run
         run(scene, comm, folder / "out", RunOptions(screen=False))
         written = read_results(str(folder / "out" / "results.h5"))
         for level in written.levels:
@@ -51,7 +51,7 @@ def test_multipliers_are_written_read_back_and_kept_for_a_restart(comm, folder, 
         assert "stability: every point is stable" in (folder / "out" / "run.log").read_text()
 
 
-def test_without_it_nothing_is_said(comm, scene):
+def test_without_stability_there_are_no_multipliers(comm, scene):
     with microslip.build(changed(scene, {"response": {"stability": False, "levels": [0.1]}}), comm) as structure:
         response = microslip.respond(structure)
     assert response.stability == {}
@@ -59,6 +59,6 @@ def test_without_it_nothing_is_said(comm, scene):
 
 
 @pytest.mark.parametrize("change", [{"solver": {"harmonics": 0}}, {"damping": {"structural": 0.01}}])
-def test_what_has_no_cycle_in_time_is_refused(scene, change):
+def test_responses_without_a_cycle_in_time_are_rejected(scene, change):
     with pytest.raises(CaseError, match="stability = true"):
         changed(scene, change)

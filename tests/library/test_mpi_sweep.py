@@ -1,4 +1,4 @@
-"""microslip.sweep: peaks of samples against a closed form and against structures of their own; on any number of ranks."""
+"""microslip.sweep: peaks of samples compared with a closed form and with separate structures; on any number of ranks."""
 
 from dataclasses import replace
 
@@ -52,7 +52,7 @@ def bar(comm, folder):
     return on_root(comm, lambda: write_bar(folder, modes=8, harmonics=3, samples=64, error_bars=False))
 
 
-def test_peaks_over_friction_and_level_are_the_closed_form(mass):
+def test_peaks_over_friction_and_level_have_their_closed_form(mass):
     table = microslip.sweep(mass, {FRICTION: [0.5, 0.8, 1.2], "level": [0.8, 1.0]})
     assert table.is_done.all() and len(table) == 6 and table.on_axes("amplitude").shape == (3, 2)
     exactly = [exact.jenkins_peak(level, limit, C) for limit, level in zip(table[FRICTION], table["level"])]
@@ -62,7 +62,7 @@ def test_peaks_over_friction_and_level_are_the_closed_form(mass):
     assert table.friction_J == pytest.approx(loss, rel=1e-3)
 
 
-def test_a_scale_of_the_load_is_another_level(mass):
+def test_a_scale_of_the_load_equals_another_level(mass):
     table = microslip.sweep(mass, {"loads.1.scale": [0.5, 1.25]})
     exactly = [exact.jenkins_peak(0.8 * scale, 1.0, C) for scale in (0.5, 1.25)]
     assert table.amplitude == pytest.approx(exactly, rel=30.0 / 128**2)
@@ -98,8 +98,8 @@ def test_a_structure_without_joints_has_its_linear_peaks(comm, folder):
 
 
 @pytest.mark.ranks(1)
-def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, folder, mass):
-    """From a factor of 1/100 to 10: all modes are there, so that the update is exact."""
+def test_updated_contact_stiffness_equals_another_structure(comm, folder, mass):
+    """Factors from 1/100 to 10 with all modes, so that the update is exact."""
     values = [0.01, 0.5, 10.0]
     table = microslip.sweep(mass, {STIFFNESS: values})
     for value, sample in zip(values, table.samples):
@@ -112,26 +112,26 @@ def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, fold
 
 
 @pytest.mark.study
-def test_contact_stiffness_beside_truncated_modes_is_that_of_structures_built_for_each(comm, bar):
-    """A factor of 100 either way; with the modes of the scene the peaks differ by the truncation."""
+def test_contact_stiffness_with_truncated_modes_is_that_of_separate_structures(comm, bar):
+    """Factors of 100 and 1/100; with the modes of the scene the peaks differ by the truncation error."""
     finer = ["response.points=30", "response.levels=[10.0]", "solver.samples=128"]
     scene = microslip.read(bar, finer)
     values = [factor * scene.joints[0].tangential_stiffness for factor in (0.01, 100.0)]
     key, levels = "joints.joint.tangential_stiffness", [10.0]
     with microslip.build(scene, comm) as structure:
         table = microslip.sweep(structure, {key: values, "level": levels})
-        kept = microslip.sweep(structure, {key: values[1:], "level": levels}, keep_modes=True)
+        with_modes_of_scene = microslip.sweep(structure, {key: values[1:], "level": levels}, keep_modes=True)
     for i, value in enumerate(values):
         with microslip.build(microslip.read(bar, [*finer, f"{key}={value!r}"]), comm) as other:
-            alone = microslip.sweep(other, {"level": levels})
+            separate = microslip.sweep(other, {"level": levels})
         for name in ("amplitude", "frequency", "width"):
             here = getattr(table, name)[i : i + 1]
-            np.testing.assert_allclose(here, getattr(alone, name), rtol=1e-6 if name == "width" else 1e-8)
-    assert table.slipping.any() and 1e-8 < abs(kept.amplitude[0] / table.amplitude[1] - 1.0) < 1e-2
+            np.testing.assert_allclose(here, getattr(separate, name), rtol=1e-6 if name == "width" else 1e-8)
+    assert table.slipping.any() and 1e-8 < abs(with_modes_of_scene.amplitude[0] / table.amplitude[1] - 1.0) < 1e-2
 
 
 def test_factors_of_gaps_and_preloads_change_the_pairs_that_have_them(mass):
-    """The gap of a pair without one is no number of it, and leaves its preload alone."""
+    """The gap of a pair without a gap is no parameter, and does not change its preload."""
     with pytest.raises(CaseError, match="joints.joint.gap: no pair of the joint has a gap; vary joints.joint.preload"):
         microslip.sweep(mass, {"joints.joint.gap": [0.5]})
     pressed, rubbed = (microslip.sweep(mass, {key: [0.8]}) for key in ("joints.joint.preload", FRICTION))
@@ -139,7 +139,7 @@ def test_factors_of_gaps_and_preloads_change_the_pairs_that_have_them(mass):
 
 
 @pytest.mark.ranks(1)
-def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, monkeypatch):
+def test_a_distant_sample_is_reached_through_other_samples(mass, monkeypatch):
     table = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
     monkeypatch.setattr(sample_peaks, "MOST_BETWEEN", 1)
     directly = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
@@ -149,7 +149,7 @@ def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, m
 
 @pytest.mark.ranks(1)
 def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatch):
-    """Where all pairs slip, free of springs, Newton's method may end anywhere in the mean."""
+    """Where all pairs slip without springs, Newton's method may converge to any mean."""
     values, peak = [], _Search.peak
 
     def with_drift(search):
@@ -177,7 +177,7 @@ def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatc
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("mu", [1.0, pytest.param(1e3, marks=pytest.mark.study)])
-def test_the_update_holds_over_a_factor_of_a_hundred_either_way(comm, folder, mu):
+def test_the_update_is_accurate_for_factors_from_1_100_to_100(comm, folder, mu):
     def of(k_t):
         path = on_root(comm, one_mass, folder / f"mu {mu} k_t {k_t}", k_t, mu, 12.0)
         return microslip.build(microslip.read(path), comm)
@@ -187,13 +187,13 @@ def test_the_update_holds_over_a_factor_of_a_hundred_either_way(comm, folder, mu
         table = microslip.sweep(structure, {STIFFNESS: values})
     for value, sample in zip(values, table.samples):
         with of(value) as other:
-            alone = microslip.sweep(other, {FRICTION: [1.0]}).nominal
-        assert sample.amplitude == pytest.approx(alone.amplitude, rel=1e-8)
+            separate = microslip.sweep(other, {FRICTION: [1.0]}).nominal
+        assert sample.amplitude == pytest.approx(separate.amplitude, rel=1e-8)
 
 
 @pytest.mark.ranks(1)
 def test_samples_are_those_of_separate_structures(comm, bar):
-    """Friction, preload, level, damping and harmonics on one structure; density by another."""
+    """Friction, preload, level, damping and harmonics on the same structure; density by another structure."""
     samples = {
         "joints.joint.friction": [0.05, 0.045],
         "joints.joint.preload": [1.8e7, 2.0e7],
@@ -217,7 +217,7 @@ def test_samples_are_those_of_separate_structures(comm, bar):
 
 @pytest.mark.ranks(1)
 def test_a_stated_accuracy_raises_the_harmonics_of_a_sample(comm, shared_path):
-    """The scene itself needs three harmonics, a sample with less friction more; the truth by 15."""
+    """The scene needs three harmonics, a sample with less friction more; the reference has 15."""
     level, friction = 10.0, 0.3
     path = on_root(
         comm, lambda: write_matrix_scene(shared_path, scenes.chain(), [level], (400.0, 700.0), outputs=[6], accuracy=1e-3)
@@ -226,11 +226,11 @@ def test_a_stated_accuracy_raises_the_harmonics_of_a_sample(comm, shared_path):
         (sample,) = microslip.sweep(structure, {"joints.joint.friction": [friction]}).samples
         fine = {"harmonics": 15, "samples": 2048, "error_bars": False, "friction": {"joint": friction * structure.pairs.mu}}
         (peak,) = microslip.respond(structure, peaks=True, **fine).peaks[level]
-    assert sample.error < 2e-3 * sample.amplitude  # 3.6e-3 with the harmonics of the scene itself
+    assert sample.error < 2e-3 * sample.amplitude  # 3.6e-3 with the harmonics of the scene
     assert sample.amplitude == pytest.approx(abs(peak.amplitude), rel=1e-3)
 
 
-def test_one_sample_of_several_fails_and_the_others_go_on(mass):
+def test_a_failed_sample_does_not_stop_the_others(mass):
     table = microslip.sweep(mass, {STIFFNESS: [1.0, 1e3, 1.2]})  # the second peak lies beyond the range
     assert [sample.status for sample in table.samples] == [DONE, FAILED, DONE]
     assert len(table.failures) == 1 and "sample 1 (joints.joint.tangential_stiffness = 1000)" in table.failures[0]
@@ -242,15 +242,15 @@ def test_one_sample_of_several_fails_and_the_others_go_on(mass):
     "key, value, says",
     [("friction", -1.0, "mu in pairs.csv must not be negative"), ("preload", 0.0, "n0 in pairs.csv must be above 0")],
 )
-def test_factors_that_the_file_of_pairs_does_not_allow_are_refused_before_a_solve(mass, key, value, says):
+def test_factors_invalid_for_the_file_of_pairs_are_rejected_before_a_solve(mass, key, value, says):
     with pytest.raises(CaseError, match=rf"scene\.toml: joints\.joint\.{key} = {value:g}: the factor of {says}"):
         microslip.sweep(mass, {f"joints.joint.{key}": [1.0, value]})
 
 
 @pytest.mark.parametrize("is_loose", [True, False])
 @pytest.mark.ranks(1)
-def test_whether_the_mean_slip_is_held_is_decided_at_the_peak(mass, monkeypatch, is_loose):
-    """As along a curve: where most pairs slip and nothing else holds a body; here the search begins with the other state."""
+def test_holding_of_the_mean_slip_is_decided_at_the_peak(mass, monkeypatch, is_loose):
+    """As along a curve: held where most pairs slip and the body has no other support; the search begins with the other state."""
     held, highest_of, forced = [], sample_peaks.highest_of, _Problem.forced
     peaks = SamplePeaks(mass, Varied.of(mass.scene, [FRICTION]))
     monkeypatch.setattr(SamplePeaks, "_starts", lambda *arguments: [])
@@ -275,13 +275,13 @@ def test_whether_the_mean_slip_is_held_is_decided_at_the_peak(mass, monkeypatch,
         ({}, "nothing varies"),
     ],
 )
-def test_what_cannot_vary_is_refused(mass, values, says):
+def test_parameters_that_cannot_vary_are_rejected(mass, values, says):
     with pytest.raises(CaseError) as problem:
         microslip.sweep(mass, values)
     assert says in str(problem.value)
 
 
-def test_no_output_and_no_peak_are_refused(comm, folder, mass):
+def test_a_sweep_without_output_or_peak_is_rejected(comm, folder, mass):
     with pytest.raises(CaseError, match="no output 'tip'"):
         microslip.sweep(mass, {"level": 1.0}, output="tip")
     path = on_root(comm, one_mass, folder / "beside")
@@ -300,8 +300,8 @@ def test_motions_are_interpolated_linearly():
 
 
 @pytest.mark.ranks(1)
-def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_from_the_scene(mass):
-    """Between the two frequencies at which one harmonic of 1 / sqrt 2 of the amplitude balances the level."""
+def test_the_width_of_a_sliding_peak_has_its_closed_form(mass):
+    """The two frequencies at which one harmonic of 1 / sqrt 2 of the amplitude balances the level determine it."""
     table = microslip.sweep(mass, {FRICTION: [0.6, 0.8, 1.1]})
     for limit, amplitude, width in zip(table[FRICTION], table.amplitude, table.width):
         low, high = exact.jenkins_frequencies(amplitude / np.sqrt(2.0), 0.8, m=1.0, c=C, k=1.0, k_t=1.0, muN=limit)
@@ -309,14 +309,14 @@ def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_fro
 
 
 @pytest.mark.ranks(1)
-def test_the_width_is_that_of_the_closed_form_where_the_half_power_points_stick(comm, folder):
-    """With a limit of 2.3 to 3 times the level, the mass slips at the peak and hardly or not at all at half the power."""
+def test_the_width_has_its_closed_form_where_half_power_points_stick(comm, folder):
+    """With a limit of 2.3 to 3 times the level, the mass slips at the peak and little or not at all at half power."""
 
     def write():
         return one_mass(folder / "sharp", samples=1024)
 
     with microslip.build(microslip.read(on_root(comm, write)), comm) as sharp:
-        for limit in (1.9, 2.0, 2.4):  # each from the scene itself, which slips at half the power
+        for limit in (1.9, 2.0, 2.4):  # each from the scene, which slips at half power
             table = microslip.sweep(sharp, {FRICTION: [limit]})
             X = exact.jenkins_peak(0.8, limit, C)
             low, high = exact.jenkins_frequencies(X / np.sqrt(2.0), 0.8, m=1.0, c=C, k=1.0, k_t=1.0, muN=limit)
@@ -327,17 +327,17 @@ def test_the_width_is_that_of_the_closed_form_where_the_half_power_points_stick(
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("way_out", ["_through_shares", "_along_branch"])
-def test_half_power_points_are_those_of_the_closed_form_by_each_way(mass, monkeypatch, way_out):
+def test_half_power_points_have_their_closed_form_by_each_method(mass, monkeypatch, way_out):
     def half_power(search, peak, way, start):
         computed = getattr(search, way_out)(peak, way)
         return None if computed is None else computed.iterate
 
     monkeypatch.setattr(_Search, "half_power", half_power)
-    test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_from_the_scene(mass)
+    test_the_width_of_a_sliding_peak_has_its_closed_form(mass)
 
 
 @pytest.mark.ranks(1)
-def test_units_of_numbers(bar):
+def test_units_of_parameters(bar):
     scene, units = microslip.read(bar), {"preload": "Pa", "friction": "1", "normal_stiffness": "N/m3", "gap": "m"}
     assert {name: unit_of_key(scene, f"joints.joint.{name}") for name in units} == units
     assert unit_of_key(scene, "materials.steel.young") == "Pa" and unit_of_key(scene, "solver.modes") == ""

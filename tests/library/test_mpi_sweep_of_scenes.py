@@ -1,4 +1,4 @@
-"""microslip.sweep of a scene with [statics] and of a disc, against structures of their own."""
+"""microslip.sweep of a scene with [statics] and of a disc, compared with separate structures."""
 
 import numpy as np
 import pytest
@@ -14,22 +14,22 @@ from microslip.parallel.agree import on_root
 
 pytestmark = pytest.mark.ranks(1, 2)
 
-SHARPER = "samples = 64\ntolerance = 1e-10"  # the mean slip is held by springs of a thousandth: 1e-8 leaves 1e-6 of the amplitude
+SHARPER = "samples = 64\ntolerance = 1e-10"  # springs of a thousandth hold the mean slip: 1e-8 leaves 1e-6 of the amplitude
 SMOOTH = ("amplitude", "frequency", "damping")
 
 
 def check(comm, scene, samples):
-    """Compare each sample with the peak of a structure that is built for it; return the table.  Collective."""
+    """Compare each sample with the peak of a separate structure; return the table.  Collective."""
     with microslip.build(scene, comm) as structure:
         swept = microslip.sweep(structure, samples, paired=True)
     assert swept.is_done.all()
     for i in range(len(swept)):
         settings = [f"{key}={values[i]}" for key, values in samples.items()]
         with microslip.build(microslip.read(scene.path, settings), comm) as structure:
-            alone = microslip.sweep(structure, {"level": max(scene.response.levels)}).nominal
+            separate = microslip.sweep(structure, {"level": max(scene.response.levels)}).nominal
         for name in SMOOTH:
             bound = 1e-5 if name == "damping" else 1e-6
-            assert swept[name][i] == pytest.approx(getattr(alone, name), rel=bound), name
+            assert swept[name][i] == pytest.approx(getattr(separate, name), rel=bound), name
     return swept
 
 
@@ -37,14 +37,14 @@ folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
 def sliding(comm, folder, samples=SHARPER):
-    """Return a bar pressed onto the ground, of which most pairs slip at a friction of 0.1, but not at its own.  Collective."""
+    """Return a bar pressed onto the ground; most pairs slip at a friction of 0.1, but not at its nominal friction.  Collective."""
     more = ("levels = [5.0]", "levels = [20.0]"), ("span = [0.9, 1.1]", "span = [0.8, 1.1]"), ("samples = 64", samples)
     return scene_of(comm, folder, force(50.0, 0.0, -1000.0), *more, ("harmonics = 3", "harmonics = 1"))
 
 
 @pytest.mark.study
 @pytest.mark.ranks(2)
-def test_a_sample_that_slides_as_a_whole_is_held_from_the_start_and_has_the_width_of_its_curve(comm, folder, monkeypatch):
+def test_a_sliding_sample_is_held_from_the_start_and_has_the_width_of_its_curve(comm, folder, monkeypatch):
     searched, searches = [], SamplePeaks._searched
     with microslip.build(sliding(comm, folder, "samples = 64"), comm) as structure:
         peaks = SamplePeaks(structure, Varied.of(structure.scene, ["joints.joint.friction"]))
@@ -63,7 +63,7 @@ def test_a_sample_that_slides_as_a_whole_is_held_from_the_start_and_has_the_widt
 
 @pytest.mark.slow
 @pytest.mark.ranks(2)
-def test_another_friction_is_another_state_of_rest(comm, folder):
+def test_friction_changes_the_state_of_rest(comm, folder):
     more = ("levels = [5.0]", "levels = [15.0]"), ("harmonics = 3", "harmonics = 1")
     scene = scene_of(comm, folder, force(10.0, 0.0, -1000.0), *more)
     swept = check(comm, scene, {"joints.joint.friction": [0.12]})
@@ -72,14 +72,14 @@ def test_another_friction_is_another_state_of_rest(comm, folder):
 
 @pytest.mark.study
 @pytest.mark.ranks(2)
-def test_a_sample_that_slides_as_a_whole_is_another_state_of_rest(comm, folder):
+def test_a_sliding_sample_has_another_state_of_rest(comm, folder):
     swept = check(comm, sliding(comm, folder), {"joints.joint.friction": [0.1]})
     assert HELD in swept.samples[0].why and HELD not in swept.nominal.why
 
 
 @pytest.mark.study
 @pytest.mark.ranks(1)
-def test_friction_of_a_disc_varies(comm, folder):
+def test_a_sweep_varies_the_friction_of_a_disc(comm, folder):
     end = table("damping", ratio=0.01) + table("response", levels=[40.0], mode=1, span=[0.9, 1.03], points=10)
     end += table("solver", modes=4, harmonics=1, samples=60, error_bars=False)
     scene = microslip.read(on_root(comm, lambda: write_sector(folder, 5, end, preload=2.0e6)))

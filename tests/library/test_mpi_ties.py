@@ -43,7 +43,7 @@ def folder(comm, tmp_path_factory):
 
 
 def scene_of(comm, folder, *changes, more="", name="scene"):
-    """Return the scene with replaced texts and more tables.  Collective."""
+    """Return the scene with replaced texts and additional tables.  Collective."""
 
     def write():
         text = SCENE
@@ -67,7 +67,7 @@ def first_frequency(comm, folder):
 
 
 def around(frequency, **solver):
-    """Return the changes that ask for a point at a frequency, and keys of [solver]."""
+    """Return the changes that request a point at a frequency, and keys of [solver]."""
     keys = "".join(f"\n{key} = {value}" for key, value in solver.items())
     span = f"frequencies = [{0.95 * frequency}, {1.05 * frequency}]\nat = [{frequency}]"
     return NO_AXIS, ("mode = 1\nspan = [0.95, 1.05]", span), ("modes = 8", f"modes = 60{keys}")
@@ -88,7 +88,7 @@ def test_methods_agree(comm, folder, first_frequency):
         assert other / size == pytest.approx(values[0] / size, abs=1e-3)
 
 
-def test_fields_are_glued_and_rigid(comm, folder, first_frequency):
+def test_fields_satisfy_ties_and_rigid_points(comm, folder, first_frequency):
     with microslip.build(scene_of(comm, folder, *around(first_frequency)), comm) as structure:
         response = microslip.respond(structure, error_bars=False)
         (level,) = response.results.levels
@@ -103,8 +103,8 @@ def test_fields_are_glued_and_rigid(comm, folder, first_frequency):
         assert rigid @ motion == pytest.approx(u[top, :, k], abs=1e-12 * np.abs(u).max())
         assert motion[0] == pytest.approx(seen[0, k], abs=1e-10 * np.abs(seen[0]).max())
     bottom, bar = mesh.node_groups["cap_bottom"], mesh.node_groups["bar_top"]
-    ours, theirs = (nodes[np.isclose(mesh.points[nodes], [0.025, 0.0, HEIGHT]).all(axis=1)] for nodes in (bottom, bar))
-    assert u[ours] == pytest.approx(u[theirs], abs=1e-15) and len(ours) == 1  # a node on a node
+    of_bar, of_cap = (nodes[np.isclose(mesh.points[nodes], [0.025, 0.0, HEIGHT]).all(axis=1)] for nodes in (bottom, bar))
+    assert u[of_bar] == pytest.approx(u[of_cap], abs=1e-15) and len(of_bar) == 1  # two nodes at the same position
     corner = bottom[np.isclose(mesh.points[bottom], [0.01, 0.0, HEIGHT]).all(axis=1)]
     left, right = (bar[np.isclose(mesh.points[bar], [x, 0.0, HEIGHT]).all(axis=1)] for x in (0.0, 0.0125))
     assert u[corner] == pytest.approx(0.2 * u[left] + 0.8 * u[right], abs=1e-15)
@@ -128,7 +128,7 @@ TURNING = (
 
 
 def test_statics_carry_loads_on_points(comm, folder):
-    """The joint bears the forces on both points and the weight of all that turns, the motor's too; what is tied is one body."""
+    """The joint carries the forces on both points and the weight of all rotating parts and the motor; tied parts are one body."""
     with microslip.build(scene_of(comm, folder, *TURNING, more=STATICS), comm) as structure:
         pairs = structure.pairs
         total = np.einsum("pji,pj->i", pairs.frame, np.column_stack([pairs.T0, -np.maximum(pairs.N0, 0.0)]))
@@ -145,7 +145,7 @@ def test_statics_carry_loads_on_points(comm, folder):
     assert [[names[i] for i in parts] for parts in loose] == [["body 'bar'", "body 'cap'"]]
 
 
-def test_what_flies_is_named_with_what_is_tied_to_it(comm, folder):
+def test_an_unsupported_body_is_named_with_the_bodies_tied_to_it(comm, folder):
     pulled = '[statics]\n[[statics.forces]]\npoint = "motor"\nforce = [0.0, 0.0, 10.0]\n'
     says = r"body 'bar' with body 'cap' moves along \(0, 0, 1\)"
     with pytest.raises(ConvergenceError, match=says):
@@ -155,7 +155,7 @@ def test_what_flies_is_named_with_what_is_tied_to_it(comm, folder):
 QUICK = (("levels = [1500.0]", "levels = [1.0]"), ("samples = 64", "samples = 16\nerror_bars = false"))
 
 
-def test_the_program_runs_it(comm, folder, program):
+def test_the_program_runs_a_scene_with_ties(comm, folder, program):
     scene = scene_of(comm, folder, *TURNING, *QUICK, more=STATICS, name="run")
     status, out, err = program("run", scene.path, "--out", folder / "out")
     assert status == 0, err

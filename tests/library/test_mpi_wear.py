@@ -1,4 +1,4 @@
-"""Wear of joints: prescribed slip and a peak against closed forms, redistribution against a dense solution; on any number of ranks."""
+"""Wear of joints: prescribed slip and a peak with closed forms, redistribution with a dense solution; on any number of ranks."""
 
 import csv
 from itertools import product
@@ -39,7 +39,7 @@ def scene_with_wear(folder, system, levels, frequencies, wear, **solver):
     return on_root(COMM, write)
 
 
-# -- prescribed slip: a stiff spring gives the mass its motion -------------------------------------------------------------
+# -- prescribed slip: a stiff spring determines the motion of the mass -----------------------------------------------------
 
 X, N0, MU, K, PER_ENERGY, CYCLES = 1e-4, 100.0, 0.5, 1e7, 1e-5, 100.0  # as in test_jumps.py
 STIFF, OMEGA = 2e14, 1.0
@@ -53,7 +53,7 @@ def logistic(cycles):
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize(("law", "coefficient"), [("energy", PER_ENERGY), ("archard", MU * PER_ENERGY)])
-def test_prescribed_slip_is_the_logistic(shared_path, law, coefficient):
+def test_wear_by_prescribed_slip_is_logistic(shared_path, law, coefficient):
     system = scenes.make_system(
         "stiff", [[STIFF / 2.0]], [[STIFF]], [[0, -1, -1, -1, -1, -1]], mu=MU, N0=N0, k_t=K, k_n=K,
         C=np.array([[1.0]]), loads=FORCE, output=[1.0], omega=(0.9, 1.1), levels={},
@@ -74,7 +74,7 @@ def test_prescribed_slip_is_the_logistic(shared_path, law, coefficient):
         assert state.depth == pytest.approx(PER_ENERGY * state.energy, rel=1e-12)
 
 
-# -- a peak that follows the preload ---------------------------------------------------------------------------------------
+# -- a peak that depends on the preload ------------------------------------------------------------------------------------
 
 
 def one_mass(**changes):
@@ -116,18 +116,18 @@ OF_MASS = OF_MATRICES.format(coefficient=1e-3, cycles=60, more="jump = 0.1\ntole
 
 def test_the_peak_follows_the_preload_and_a_killed_study_continues(program, shared_path):
     path, out = scene_with_wear(shared_path, one_mass(), [0.8], (0.5, 2.0), OF_MASS, **JENKINS), shared_path / "out"
-    status, said, err = program("wear", path, "--out", out, "--set", "wear.cycles=40")
-    assert (status, err) == (0, "") and "worn volume" in said
+    status, messages, err = program("wear", path, "--out", out, "--set", "wear.cycles=40")
+    assert (status, err) == (0, "") and "worn volume" in messages
     first = on_root(COMM, lambda: list(csv.DictReader((out / "wear.csv").open())))
     assert float(first[-1]["cycles"]) == 40.0 and len(first) > 2
 
-    def kill():  # in the middle of a record
+    def kill():  # within a record
         with open(out / NAME, "r+b") as file:
             file.truncate((out / NAME).stat().st_size - 100)
 
     on_root(COMM, kill)
-    status, said, err = program("wear", path, "--out", out)
-    assert (status, err) == (0, "") and f"continues after {len(first) - 2} jumps" in said
+    status, messages, err = program("wear", path, "--out", out)
+    assert (status, err) == (0, "") and f"continues after {len(first) - 2} jumps" in messages
     rows = on_root(COMM, lambda: list(csv.DictReader((out / "wear.csv").open())))
     assert rows[: len(first) - 1] == first[:-1] and float(rows[-1]["cycles"]) == 60.0
     for row in rows:
@@ -149,11 +149,11 @@ def test_the_peak_follows_the_preload_and_a_killed_study_continues(program, shar
 
 
 @pytest.mark.pictures
-def test_nothing_wears_that_sticks(program, shared_path):
+def test_a_sticking_pair_does_not_wear(program, shared_path):
     path = scene_with_wear(shared_path, one_mass(), [0.01], (0.5, 2.0), OF_MASS, **JENKINS)
-    status, said, err = program("wear", path, "--out", shared_path / "out")
+    status, messages, err = program("wear", path, "--out", shared_path / "out")
     assert (status, err) == (0, "")
-    assert "no pair with a coefficient above 0 slides at 0.01 N: nothing wears" in said
+    assert "no pair with a coefficient above 0 slides at 0.01 N: nothing wears" in messages
     assert on_root(COMM, (shared_path / "out" / "wear.png").is_file)
 
 
@@ -165,7 +165,7 @@ def test_nothing_wears_that_sticks(program, shared_path):
         ("jump = 0.1", "frequency = 9.0", "[wear] frequency = 9 Hz: outside [response] frequencies"),
     ],
 )
-def test_what_cannot_wear_is_refused(program, shared_path, old, new, says):
+def test_scenes_that_cannot_wear_are_rejected(program, shared_path, old, new, says):
     assert old in OF_MASS
     path = scene_with_wear(shared_path, one_mass(), [0.8], (0.5, 2.0), OF_MASS.replace(old, new), **JENKINS)
     status, _, err = program("wear", path, "--out", shared_path / "out")
@@ -178,7 +178,7 @@ n_pairs = 3
 
 
 def chain():
-    """Three masses in a row on elastic ground, each pressed on its own pair."""
+    """Return three masses in a row on elastic ground, each pressed on a pair."""
     stiffness = 2.0 * np.eye(n_pairs) + np.diff(np.eye(n_pairs), axis=0).T @ np.diff(np.eye(n_pairs), axis=0)
     pairs = [[-1, -1, i, -1, -1, -1] for i in range(n_pairs)]
     loads = [{"vector": np.eye(n_pairs)[0], "harmonic": 1, "phase": 0.0}]
@@ -209,8 +209,8 @@ def test_normal_forces_are_those_of_unilateral_springs(shared_path, depth):
 folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
-def test_loads_press_a_worn_joint_as_before(comm, folder):
-    """With [statics]: an even depth lowers the bar and changes no force; an uneven one keeps their sum."""
+def test_loads_on_a_worn_joint_are_in_equilibrium(comm, folder):
+    """With [statics]: an even depth lowers the bar and changes no force; an uneven depth changes forces with the same sum."""
     scene = scene_of(comm, folder, force(0.0, 0.0, -1000.0), *GUIDED, name="worn")
     wear = {"coefficient": 1e-9, "cycles": 10.0, "jump": 1e-7}
     scene = microslip.scene_of({**scene.model_dump(exclude_unset=True), "wear": wear}, scene.path)
@@ -231,7 +231,7 @@ def test_archard_needs_friction_and_names_the_joint(comm, folder):
 
 
 @pytest.mark.ranks(1)
-def test_the_library_and_the_program_wear_alike(program, shared_path):
+def test_the_library_and_the_program_give_the_same_wear(program, shared_path):
     keys = {"coefficient": 1e-3, "cycles": 20.0, "area": {"joint": 1.0}, "jump": 0.1, "tolerance": 0.3}
     path, out = scene_with_wear(shared_path, one_mass(), [0.8], (0.5, 2.0), OF_MASS, **JENKINS), shared_path / "out"
     status, _, err = program("wear", path, "--out", out, "--set", "wear.cycles=20")
@@ -259,8 +259,8 @@ def test_the_library_and_the_program_wear_alike(program, shared_path):
 
 
 @pytest.mark.study
-def test_constant_loads_stay_in_balance_over_the_life_of_a_joint(comm, folder):
-    """With [statics]: the joint carries the load, the pair that wears most loses pressure to the others, depth is worn energy."""
+def test_constant_loads_are_balanced_over_the_life_of_a_joint(comm, folder):
+    """With [statics]: the joint carries the load, the pair with most wear loses pressure to the others, depth is worn energy."""
     scene = scene_of(comm, folder, force(0.0, 0.0, -1000.0), name="life")
     with microslip.build(scene, comm) as structure:
         history = microslip.wear(structure, coefficient=1e-12, cycles=5e5, level=30.0, jump=3e-8)

@@ -1,4 +1,4 @@
-"""The package as a script sees it: names that start nothing, scenes built in Python, arrays with named axes."""
+"""The package in a script: lazy imports, scenes built in Python, arrays with named axes."""
 
 import subprocess
 import sys
@@ -28,13 +28,13 @@ assert {"mpi4py", "petsc4py"} <= started()
 
 
 @pytest.mark.slow
-def test_nothing_is_started_before_it_is_used(tmp_path):
+def test_importing_the_package_starts_nothing(tmp_path):
     subprocess.run([sys.executable, "-c", WITHOUT, write_scene(tmp_path)], check=True, timeout=120)
     with pytest.raises(AttributeError, match="no attribute 'biuld'"):
         microslip.biuld  # noqa: B018
 
 
-def test_a_scene_built_in_python_is_that_of_a_file(tmp_path):
+def test_a_scene_built_in_python_equals_that_of_a_file(tmp_path):
     path = write_scene(tmp_path)
     of_file, tables = microslip.read(path), tomllib.loads(GOOD)
     tables["response"]["levels"] = np.array(tables["response"]["levels"])
@@ -46,7 +46,7 @@ def test_a_scene_built_in_python_is_that_of_a_file(tmp_path):
 
 
 @pytest.mark.parametrize("title", ['"quotes" and \\', "tab\tand\nline", "\x7f\x01 é 漢", ""])
-def test_texts_of_a_scene_read_as_they_were(tmp_path, title):
+def test_texts_of_a_scene_are_preserved(tmp_path, title):
     path = write_scene(tmp_path)
     scene = microslip.scene_of({**tomllib.loads(GOOD), "title": title}, path)
     assert tomllib.loads(scene.text)["title"] == title == scene.title
@@ -69,9 +69,9 @@ def test_peaks_of_statics_are_its_means(tmp_path):
     assert np.array_equal(curves.peaks[1], curves.mean[:, 0])
 
 
-def test_arrays_have_named_axes_units_and_room_for_the_longest_curve(response):
+def test_arrays_have_named_axes_units_and_the_length_of_the_longest_curve(response):
     n = [len(level.frequency) for level in response.results.levels]
-    assert n[0] != n[1]  # the first one is linear
+    assert n[0] != n[1]  # the first level is linear
     du, frequency = response.array("du"), response.array("frequency")
     assert response.axes("du") == ("level", "point", "pairs", "directions", "coefficients") and response.unit("du") == "m"
     assert du.shape == (2, max(n), 15, 3, 5) and frequency.shape == du.shape[:2]
@@ -88,7 +88,7 @@ def test_arrays_have_named_axes_units_and_room_for_the_longest_curve(response):
             ask()
 
 
-def test_curves_are_the_motion_that_they_name(response):
+def test_curves_are_amplitude_and_phase_of_the_motion(response):
     curves, level = response["corner"], response.level(30.0)
     n = len(level.frequency)
     assert np.array_equal(curves.coefficients[1, :n], level.response[:, 0])
@@ -101,7 +101,7 @@ def test_curves_are_the_motion_that_they_name(response):
     assert np.array_equal(curves.error[1, :n], total(level.error[:, 0])) and (curves.error[1, :n] > 0.0).all()
 
 
-def test_a_dataset_of_xarray(response):
+def test_results_convert_to_an_xarray_dataset(response):
     xarray = pytest.importorskip("xarray")
     computed = response.to_xarray()
     assert isinstance(computed, xarray.Dataset) and computed["du"].dims == response.axes("du") and computed["du"].units == "m"
@@ -110,7 +110,7 @@ def test_a_dataset_of_xarray(response):
     assert computed.error.sel(parts="harmonics").shape == (2, computed.sizes["point"], 1)
 
 
-def test_without_xarray_it_says_so(response, monkeypatch):
+def test_a_missing_xarray_is_reported(response, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(CaseError, match="pip install xarray"):
         response.to_xarray()
