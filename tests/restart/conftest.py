@@ -1,4 +1,4 @@
-"""What the tests of restarts share: runs without pictures, and a count of the structures built."""
+"""Fixtures of the restart tests: runs without pictures, and a count of the structures built."""
 
 import pytest
 
@@ -14,7 +14,7 @@ def no_pictures(monkeypatch):
 
 @pytest.fixture
 def built(monkeypatch):
-    """How often a structure was built: with its modes, and again without."""
+    """Return how often a structure was built: with its modes, and again without."""
     calls = {"first": 0, "again": 0}
 
     def count(name, function):

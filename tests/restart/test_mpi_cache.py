@@ -1,4 +1,4 @@
-"""Runs of one structure share its set-up: the same curves, bars and number of modes as from one of their own, and no factor."""
+"""Runs of one structure share its set-up: the same curves, error bars and modes as without the cache, and no factorisation."""
 
 import shutil
 from dataclasses import astuple
@@ -28,11 +28,11 @@ from microslip.scene.read import read_scene, scene_of
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 SMALL, LARGE = (4, 2, 1), (8, 3, 2)  # with all modes by LAPACK, and with a batch of them by SLEPc
-ROUNDING = 1e-8 if COMM.size > 1 else 1e-9  # of curves, over the peak: points are solved to a tolerance
+ROUNDING = 1e-8 if COMM.size > 1 else 1e-9  # of curves relative to the peak: points are solved to a tolerance
 
 
 def scene_at(folder: Path, *settings: str, divisions=SMALL, damping="ratio = 0.01", **solver):
-    """Return the bar with keys set; its files are written once."""
+    """Return the scene of the bar with some settings; its files are written once."""
 
     def write():
         path = folder / "bar.toml"
@@ -44,7 +44,7 @@ def scene_at(folder: Path, *settings: str, divisions=SMALL, damping="ratio = 0.0
 
 
 def followed(scene, folder, shared, comm=COMM, fresh=False):
-    """Return number of modes, branches and notes of a scene, as a run follows them with the cache in ``shared``."""
+    """Return the number of modes, branches and notes of a run with the cache in ``shared``."""
     log = RunLog(comm, screen=False)
     restart = Restart.open(comm, folder, scene, (), fresh, shared)
     prepared = restart.prepared(log, partial(whole_run.build, scene, comm, log))
@@ -56,9 +56,9 @@ def followed(scene, folder, shared, comm=COMM, fresh=False):
         prepared.close()
 
 
-def assert_same(one, other, bars=1e-5):
-    assert one[0] == other[0]
-    for a, b in zip(one[1], other[1], strict=True):
+def assert_same(first, second, bars=1e-5):
+    assert first[0] == second[0]
+    for a, b in zip(first[1], second[1], strict=True):
         assert len(a.points) == len(b.points) and a.failure == b.failure
         peak = max(np.abs(point.response).max() for point in a.points)
         worst = max(point.error.max() for point in a.points)
@@ -79,12 +79,12 @@ OTHERS = {
     "modes": ("solver.modes=5",),
     "nothing": (),
 }
-ON_RANKS = ("friction", "accuracy", "modes")  # those of them that are tried on several ranks at both sizes
+ON_RANKS = ("friction", "accuracy", "modes")  # changes tested on several ranks at both sizes
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A folder with scenes and caches, one for each size of the bar, made by a run that slips further than those of the tests."""
+    """A folder with scenes and caches, one for each size of the bar, made by a run with more slip than those of the tests."""
     folder = COMM.bcast(tmp_path_factory.mktemp("made"))
     values = {}
     for divisions in (SMALL, LARGE):
@@ -104,22 +104,22 @@ def made(tmp_path_factory):
         (SMALL, "accuracy"),
     ],
 )
-def test_another_run_of_the_structure_is_prepared_without_a_factor(divisions, name, made, shared_path, built):
+def test_a_second_run_of_the_structure_needs_no_factorisation(divisions, name, made, shared_path, built):
     folder, first = made[divisions]
     scene = scene_at(folder, "solver.accuracy=0.01", *OTHERS[name], divisions=divisions)
-    one, notes = prepared_by(scene, shared_path / "second", folder / "cache")
+    cached, notes = prepared_by(scene, shared_path / "second", folder / "cache")
     assert built == {"first": 0, "again": 0}
     assert any("the set-up is that of an earlier run" in note for note in notes)
-    other, notes_of_other = prepared_by(scene, shared_path / "alone", None)
+    built_again, notes_of_other = prepared_by(scene, shared_path / "alone", None)
     assert built == {"first": 1, "again": 0}
-    assert_same_set_up(one, other)
+    assert_same_set_up(cached, built_again)
     assert why(notes) == why(notes_of_other)
     if name in ("accuracy", "modes"):
-        assert one.structure.n_modes != first[0]
+        assert cached.structure.n_modes != first[0]
 
 
 @pytest.mark.ranks(1, 2)
-def test_rough_surfaces_share_what_their_friction_does_not_change(shared_path, built):
+def test_rough_surfaces_share_the_set_up_with_other_friction(shared_path, built):
     def rough(friction):
         def write():
             path = write_bar(shared_path, divisions=SMALL, modes=6)
@@ -131,40 +131,44 @@ def test_rough_surfaces_share_what_their_friction_does_not_change(shared_path, b
         return read_scene(on_root(COMM, write), ("response.span=[0.98, 1.02]", "solver.harmonics=1", "solver.samples=32"))
 
     prepared_by(rough(0.05), shared_path / "first", shared_path / "cache")
-    one, _ = prepared_by(rough(0.04), shared_path / "second", shared_path / "cache")
+    cached, _ = prepared_by(rough(0.04), shared_path / "second", shared_path / "cache")
     assert built == {"first": 1, "again": 0}
-    other, _ = prepared_by(rough(0.04), shared_path / "alone", None)
-    assert built == {"first": 2, "again": 0} and np.all(one.pairs.mu == 0.04)
-    assert_same_set_up(one, other)
+    built_again, _ = prepared_by(rough(0.04), shared_path / "alone", None)
+    assert built == {"first": 2, "again": 0} and np.all(cached.pairs.mu == 0.04)
+    assert_same_set_up(cached, built_again)
 
 
-def assert_same_set_up(one, other):
-    """Compare all that a response follows from."""
-    assert_close(one.pairs.mu, other.pairs.mu, 0.0)
-    assert_close(one.pairs.N0, other.pairs.N0, 0.0)
-    assert type(one.reduction.selection) is type(other.reduction.selection)
-    assert_close(one.model.f, other.model.f)
+def assert_same_set_up(first, second):
+    """Compare all data from which a response is computed."""
+    assert_close(first.pairs.mu, second.pairs.mu, 0.0)
+    assert_close(first.pairs.N0, second.pairs.N0, 0.0)
+    assert type(first.reduction.selection) is type(second.reduction.selection)
+    assert_close(first.model.f, second.model.f)
     for name in ("du_static", "out_static", "out_R", "load_static"):
-        assert_close(*(getattr(each.model.receptance_of(1).static, name) for each in (one, other)))
+        assert_close(*(getattr(each.model.receptance_of(1).static, name) for each in (first, second)))
     for name in ("omega_n", "R_phi", "b", "o"):
-        assert_close(getattr(one.model.receptance_of(1).modes, name), getattr(other.model.receptance_of(1).modes, name), 1e-7)
-    assert_close(one.model.receptance_of(1).modes.damping.C, other.model.receptance_of(1).modes.damping.C)
-    assert not one.model.receptance_of(1).static.G_static.known.any()  # or other points would be found
-    mine, theirs = (each.response.enriched.truncated.of(1) for each in (one, other))
-    assert np.isclose(mine.omega, theirs.omega, rtol=1e-7) and mine.highest == pytest.approx(theirs.highest, rel=1e-9)
-    assert astuple(mine.damping) == pytest.approx(astuple(theirs.damping), rel=1e-9)
+        assert_close(getattr(first.model.receptance_of(1).modes, name), getattr(second.model.receptance_of(1).modes, name), 1e-7)
+    assert_close(first.model.receptance_of(1).modes.damping.C, second.model.receptance_of(1).modes.damping.C)
+    assert not first.model.receptance_of(1).static.G_static.known.any()  # which would change the points
+    of_first, of_second = (each.response.enriched.truncated.of(1) for each in (first, second))
+    assert np.isclose(of_first.omega, of_second.omega, rtol=1e-7) and of_first.highest == pytest.approx(
+        of_second.highest, rel=1e-9
+    )
+    assert astuple(of_first.damping) == pytest.approx(astuple(of_second.damping), rel=1e-9)
     for name in ("of_pairs", "of_outputs", "of_loads", "direct", "drive_point", "residual"):
-        assert_close(getattr(mine, name), getattr(theirs, name), 1e-7)
-    all_pairs = np.arange(one.pairs.n_pairs)
-    assert_close(*(each.model.receptance_of(1).static.G_static.transposed(all_pairs) for each in (one, other)))
+        assert_close(getattr(of_first, name), getattr(of_second, name), 1e-7)
+    all_pairs = np.arange(first.pairs.n_pairs)
+    assert_close(*(each.model.receptance_of(1).static.G_static.transposed(all_pairs) for each in (first, second)))
 
 
-def assert_close(one, other, rtol=1e-9):
-    assert one.shape == other.shape and np.abs(one - other).max(initial=0.0) <= rtol * np.abs(other).max(initial=0.0)
+def assert_close(computed, expected, rtol=1e-9):
+    assert computed.shape == expected.shape and np.abs(computed - expected).max(initial=0.0) <= rtol * np.abs(expected).max(
+        initial=0.0
+    )
 
 
 def prepared_by(scene, folder, shared):
-    """Return what a run with the cache in ``shared`` prepares, with its factor, if any, and its notes."""
+    """Return the prepared data of a run with the cache in ``shared``, with its factor, if any, and its notes."""
     log = RunLog(COMM, screen=False)
     restart = Restart.open(COMM, folder, scene, (), False, shared)
     return restart.prepared(log, partial(whole_run.build, scene, COMM, log)), log.notes
@@ -172,7 +176,7 @@ def prepared_by(scene, folder, shared):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction", pytest.param("levels", marks=pytest.mark.ranks(1))])
-def test_its_curves_and_bars_are_those_of_a_run_of_its_own(name, shared_path, built):
+def test_curves_and_error_bars_with_the_cache_are_those_without(name, shared_path, built):
     scene = partial(scene_at, shared_path, "solver.modes=6")
     followed(scene("response.levels=[38.0]"), shared_path / "first", shared_path / "cache")
     second = followed(scene(*OTHERS[name]), shared_path / "second", shared_path / "cache")
@@ -181,9 +185,9 @@ def test_its_curves_and_bars_are_those_of_a_run_of_its_own(name, shared_path, bu
 
 
 def why(notes):
-    """Return why so many modes, without the numbers."""
-    (said,) = [note for note in notes if note.startswith("modes: ")]
-    return said.partition("those left out")[0]
+    """Return the note on the number of modes, without the numbers."""
+    (note_on_modes,) = [note for note in notes if note.startswith("modes: ")]
+    return note_on_modes.partition("those left out")[0]
 
 
 @pytest.mark.parametrize(
@@ -197,14 +201,14 @@ def why(notes):
         "supports.1.fix=['x', 'y']",
     ],
 )
-def test_what_the_structure_depends_on_has_a_set_up_of_its_own(setting, shared_path):
+def test_inputs_of_the_structure_are_part_of_its_key(setting, shared_path):
     scene, other = scene_at(shared_path), scene_at(shared_path, setting)
     keys = {Restart.open(COMM, shared_path / "out", each).identity.structure for each in (scene, other)}
     assert len(keys) == 2
 
 
 @pytest.mark.parametrize("step, n_keys", [("*STATIC\n*CLOAD\n1, 1, 1.\n", 2), ("*STATIC\n", 1)])
-def test_where_the_model_file_loads_the_joint_its_friction_counts(step, n_keys, shared_path):
+def test_friction_is_part_of_the_key_if_the_model_file_loads_the_joint(step, n_keys, shared_path):
     scene = {**tables("job.inp"), "joints": ({**tables("job.inp")["joints"][0], "friction": 0.3},)}
     other = {**scene, "joints": ({**scene["joints"][0], "friction": 0.4},)}
     text = "*INCLUDE, INPUT=loads.inp\n*STEP, Perturbation\n*FREQUENCY\n1\n*END STEP\n"
@@ -223,12 +227,12 @@ def test_a_changed_stiffness_or_mesh_builds_the_structure(shared_path, built):
     assert on_root(COMM, lambda: len(list(shared.glob("setup-*")))) == 3
 
 
-def test_more_modes_than_were_computed_assemble_the_structure_again_and_are_cached(shared_path, built):
+def test_additional_modes_need_the_matrices_again_and_are_cached(shared_path, built):
     scene, shared = partial(scene_at, shared_path, divisions=LARGE), shared_path / "cache"
     few, _ = prepared_by(scene("solver.modes=4"), shared_path / "first", shared)
     more, _ = prepared_by(scene("solver.modes=8"), shared_path / "second", shared)
-    again, _ = prepared_by(scene("solver.modes=8", "joints.joint.friction=0.04"), shared_path / "third", shared)
-    assert [each.structure.n_modes for each in (few, more, again)] == [4, 8, 8] and built == {"first": 1, "again": 1}
+    third, _ = prepared_by(scene("solver.modes=8", "joints.joint.friction=0.04"), shared_path / "third", shared)
+    assert [each.structure.n_modes for each in (few, more, third)] == [4, 8, 8] and built == {"first": 1, "again": 1}
     assert on_root(COMM, lambda: len(list(shared.glob("setup-*/modes-*")))) == 1
 
 
@@ -238,14 +242,14 @@ def test_modes_that_structural_damping_couples_are_cached(shared_path, built):
     scene, shared = partial(scene_at, shared_path, damping="structural = 0.02"), shared_path / "cache"
     prepared_by(scene("solver.modes=6"), shared_path / "first", shared)
     other = scene("solver.modes=6", "joints.joint.friction=0.04")
-    one, _ = prepared_by(other, shared_path / "second", shared)
-    two, _ = prepared_by(other, shared_path / "alone", None)
+    cached, _ = prepared_by(other, shared_path / "second", shared)
+    built_again, _ = prepared_by(other, shared_path / "alone", None)
     assert built == {"first": 2, "again": 0}
-    assert_same_set_up(one, two)
-    assert_close(one.model.receptance_of(1).modes.damping.S, two.model.receptance_of(1).modes.damping.S)
+    assert_same_set_up(cached, built_again)
+    assert_close(cached.model.receptance_of(1).modes.damping.S, built_again.model.receptance_of(1).modes.damping.S)
     for name in ("of_pairs", "of_outputs", "of_loads", "modal"):
-        assert_close(*(getattr(each.response.enriched.truncated.of(1).coupling, name) for each in (one, two)))
-    three, _ = prepared_by(scene(), shared_path / "third", shared)  # their number is chosen with the drag of the damping
+        assert_close(*(getattr(each.response.enriched.truncated.of(1).coupling, name) for each in (cached, built_again)))
+    three, _ = prepared_by(scene(), shared_path / "third", shared)  # the number of modes depends on the damping residual
     four, _ = prepared_by(scene(), shared_path / "fourth", None)
     assert built == {"first": 3, "again": 2} and three.structure.n_modes == four.structure.n_modes
     assert_same_set_up(three, four)
@@ -253,7 +257,7 @@ def test_modes_that_structural_damping_couples_are_cached(shared_path, built):
 
 @pytest.mark.slow
 @pytest.mark.ranks(2)
-def test_other_numbers_of_ranks_use_the_set_up_of_one(shared_path, built):
+def test_several_ranks_use_the_set_up_of_one(shared_path, built):
     scene, alone = partial(scene_at, shared_path, "solver.modes=6"), COMM.Split(COMM.rank, 0)
     stronger, other = scene("response.levels=[38.0]"), scene("joints.joint.friction=0.04")
     if COMM.rank == 0:
@@ -265,7 +269,7 @@ def test_other_numbers_of_ranks_use_the_set_up_of_one(shared_path, built):
     assert_same(second, followed(other, shared_path / "alone", None), bars=0.5)  # other samples
 
 
-def test_fresh_runs_do_without_and_renew_it(shared_path, built):
+def test_fresh_runs_ignore_and_replace_the_cache(shared_path, built):
     scene, shared = scene_at(shared_path, *QUICK), shared_path / "cache"
     followed(scene, shared_path / "first", shared)
     names = on_root(COMM, lambda: {path.name for path in shared.glob("setup-*/modes-*")})
@@ -280,7 +284,7 @@ def cut(path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def complete(tmp_path_factory):
-    """A folder with the scene, the cache of a run, and in ``alone`` the results of a run with another friction and no cache."""
+    """Return a folder with the scene, the cache of a run, and in ``alone`` the results with another friction and no cache."""
     folder = COMM.bcast(tmp_path_factory.mktemp("complete"))
     run_with(folder / "cache", scene_at(folder, *QUICK), folder / "first")
     run_with("off", scene_at(folder, *QUICK, "joints.joint.friction=0.04"), folder / "alone")
@@ -296,7 +300,7 @@ def complete(tmp_path_factory):
         pytest.param("modes-*", {"first": 0, "again": 1}, marks=pytest.mark.ranks(1)),
     ],
 )
-def test_what_is_damaged_is_made_again(name, times, complete, shared_path, built):
+def test_damaged_files_of_the_cache_are_computed_again(name, times, complete, shared_path, built):
     shared = shared_path / "cache"
     on_root(COMM, lambda: shutil.copytree(complete / "cache", shared))
     on_root(COMM, lambda: [cut(path) for path in shared.glob(f"setup-*/{name}")])
@@ -311,7 +315,9 @@ def test_what_is_damaged_is_made_again(name, times, complete, shared_path, built
 def run_with(shared, scene, folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(cache.VARIABLE, str(shared))
-        patch.setattr("microslip.results.draw.draw_share", lambda *share: None)  # module fixtures come before that of a test
+        patch.setattr(
+            "microslip.results.draw.draw_share", lambda *share: None
+        )  # module fixtures are set up before that of a test
         run(scene, COMM, folder, RunOptions(screen=False))
 
 
@@ -323,11 +329,11 @@ def test_without_fields_a_second_run_builds_nothing(shared_path, built):
     assert built == {"first": 1, "again": 0}
     assert not on_root(COMM, (shared_path / "out" / "peak_response.vtkhdf").exists)
     run_with(shared, scene_at(shared_path, *QUICK, "joints.joint.friction=0.04"), shared_path / "out")
-    assert built == {"first": 1, "again": 1}  # the levels are there, the fields are added
+    assert built == {"first": 1, "again": 1}  # the levels are read, the fields are added
     assert on_root(COMM, (shared_path / "out" / "peak_response.vtkhdf").is_file)
 
 
-def test_a_cache_that_cannot_be_written_is_said_and_done_without(shared_path):
+def test_a_cache_that_cannot_be_written_is_noted_and_not_needed(shared_path):
     on_root(COMM, lambda: (shared_path / "cache").write_text("a file"))
     _, branches, notes = followed(scene_at(shared_path), shared_path / "out", shared_path / "cache")
     assert all(branch.failure is None for branch in branches)
@@ -335,7 +341,7 @@ def test_a_cache_that_cannot_be_written_is_said_and_done_without(shared_path):
 
 
 @pytest.mark.parametrize("write", [pytest.param("matrices", marks=pytest.mark.ranks(1)), "mesh"])
-def test_without_a_joint_other_names_points_and_levels_go_on(write, shared_path, built):
+def test_without_a_joint_other_points_and_levels_use_the_cache(write, shared_path, built):
     path, cache_folder = on_root(COMM, WITHOUT_JOINT[write], shared_path), shared_path / "cache"
     first = followed(read_scene(path), shared_path / "one", cache_folder)
     assert_same(followed(read_scene(path), shared_path / "two", cache_folder), first)
@@ -383,7 +389,7 @@ def test_the_environment_names_the_cache_or_turns_it_off(tmp_path, monkeypatch):
 
 
 @pytest.mark.ranks(1)
-def test_the_set_ups_used_longest_ago_make_room(tmp_path, monkeypatch):
+def test_least_recently_used_set_ups_are_deleted(tmp_path, monkeypatch):
     import os
 
     monkeypatch.setattr(cache, "LARGEST", 2500.0)
@@ -398,7 +404,7 @@ def test_the_set_ups_used_longest_ago_make_room(tmp_path, monkeypatch):
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("links", [True, False])
-def test_files_are_taken_over_by_a_second_name_or_a_copy(links, tmp_path, monkeypatch):
+def test_files_are_shared_by_links_or_copies(links, tmp_path, monkeypatch):
     if not links:
         monkeypatch.setattr(cache.os, "link", lambda *_: (_ for _ in ()).throw(OSError("no links here")))
     (tmp_path / "one").write_text("new")
@@ -407,7 +413,7 @@ def test_files_are_taken_over_by_a_second_name_or_a_copy(links, tmp_path, monkey
     assert (tmp_path / "two").read_text() == "new" and len(list(tmp_path.iterdir())) == 2
 
 
-def test_dampers_are_cached_apart_from_other_damping(shared_path, built):
+def test_dampers_are_cached_separately_from_other_damping(shared_path, built):
     scene_at(shared_path)
     damper = '[[springs]]\ngroups = ["bar_end"]\ndirection = [1.0, 0.0, 0.0]\ndamping = 30.0\n[[loads]]\n'
     path = shared_path / "bar.toml"
@@ -419,7 +425,7 @@ def test_dampers_are_cached_apart_from_other_damping(shared_path, built):
     other = scene_at(shared_path, *QUICK, friction, "damping.ratio=0.02")
     damped, _ = prepared_by(other, shared_path / "third", shared_path / "cache")
     assert built == {"first": 1, "again": 0}
-    alone, _ = prepared_by(scene_at(shared_path, *QUICK, friction), shared_path / "alone", None)
-    one, two, own = (each.model.receptance_of(1).modes for each in (shared, damped, alone))
-    assert_close(one.damping.C, own.damping.C)
-    assert_close(two.damping.C - own.damping.C, np.diag(0.02 * own.omega_n))
+    without_cache, _ = prepared_by(scene_at(shared_path, *QUICK, friction), shared_path / "alone", None)
+    from_cache, with_ratio, expected = (each.model.receptance_of(1).modes for each in (shared, damped, without_cache))
+    assert_close(from_cache.damping.C, expected.damping.C)
+    assert_close(with_ratio.damping.C - expected.damping.C, np.diag(0.02 * expected.omega_n))

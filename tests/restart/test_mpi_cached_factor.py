@@ -1,4 +1,4 @@
-"""The factor in the cache: used by a second run, and computed again, with the right answers, where anything about it is in doubt."""
+"""The factor in the cache: used by a second run, and computed again, with correct results, wherever its validity is in doubt."""
 
 import os
 import shutil
@@ -28,7 +28,7 @@ TAKEN, NOT_USED = "factor: that of an earlier run, ", "is not used: "
 
 @pytest.fixture
 def factored(monkeypatch):
-    """What was factored and kept, by name."""
+    """Return the names of the factorised matrices."""
     values = []
     factorise = factors.factorise
 
@@ -55,22 +55,22 @@ def run_at(folder: Path, name: str, *settings: str, shared: str = "cache") -> st
     return on_root(COMM, (folder / name / "run.log").read_text)
 
 
-def kept_in(folder: Path) -> Path:
+def factor_folder(folder: Path) -> Path:
     """Return the folder of the factor."""
     (computed,) = on_root(COMM, lambda: list(folder.glob(f"cache/setup-*/factor-{COMM.size}")))
     return computed
 
 
-def assert_same_results(one: Path, other: Path) -> None:
+def assert_same_results(folder: Path, reference: Path) -> None:
     """Compare curves and fields, on rank 0."""
     if COMM.rank > 0:
         return
-    a, b = (read_results(str(each / "results.h5")).levels[0].response for each in (one, other))
+    a, b = (read_results(str(each / "results.h5")).levels[0].response for each in (folder, reference))
     np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-15)
     for name in FIELDS:
-        with h5py.File(one / name) as mine, h5py.File(other / name) as theirs:
-            for key, values in arrays_of(mine).items():
-                expected = theirs[key][()]
+        with h5py.File(folder / name) as file, h5py.File(reference / name) as expected_file:
+            for key, values in arrays_of(file).items():
+                expected = expected_file[key][()]
                 assert values.shape == expected.shape
                 np.testing.assert_allclose(values, expected, rtol=0, atol=1e-6 * np.abs(expected).max(initial=0.0), err_msg=key)
 
@@ -83,14 +83,14 @@ def arrays_of(file):
     return values
 
 
-def test_a_second_run_with_fields_factors_nothing_and_has_the_fields_of_a_run_of_its_own(made, factored):
+def test_a_second_run_with_fields_needs_no_factorisation(made, factored):
     assert "factor for other runs" in on_root(COMM, (made / "first" / "run.log").read_text)
     second = run_at(made, "second", FRICTION)
     assert factored == [] and TAKEN in second and "factor for other runs" not in second
     assert_same_results(made / "second", made / "alone")
 
 
-def test_a_run_that_goes_on_in_its_folder_takes_it_for_fields_that_are_wanted_later(shared_path, factored):
+def test_a_continued_run_uses_the_cached_factor_for_additional_fields(shared_path, factored):
     run_at(shared_path, "out", "response.fields=false")
     log = run_at(shared_path, "out")
     assert factored == ["K_L"] and TAKEN in log
@@ -118,7 +118,7 @@ def pipe(folder):
 
 
 def rewritten(change):
-    """Return what changes the record of a folder, whose sum is then right."""
+    """Return a function that changes the record of a folder, with a correct checksum."""
 
     def rewrite(folder):
         arrays, texts = read_record(folder / "of")
@@ -129,13 +129,13 @@ def rewritten(change):
 
 
 def other_ranks(arrays, texts):
-    """Make it that of a run on one rank more."""
+    """Change it to the record of a run with one rank more."""
     arrays["ranges"] = np.concatenate([arrays["ranges"], arrays["ranges"][-1:]])
     arrays["sizes"], arrays["sums"] = (np.append(arrays[name], 0) for name in ("sizes", "sums"))
 
 
 def other_rows(arrays, texts):
-    """Make it that of a matrix with a row more."""
+    """Change it to the record of a matrix with one row more."""
     arrays["ranges"] = arrays["ranges"] + (arrays["ranges"] == arrays["ranges"][-1])
 
 
@@ -157,24 +157,24 @@ DAMAGES = {
 
 
 def noise(folder):
-    """Make it a factor that is none, with a sum that is right: MUMPS itself must refuse it."""
+    """Replace the factor by zeros with a correct checksum: MUMPS itself must reject it."""
     file = last_file(folder)
     file.write_bytes(bytes(file.stat().st_size))
     rewritten(lambda arrays, texts: arrays["sums"].__setitem__(-1, cached_factor.summed(file, file.stat().st_size)[1]))(folder)
 
 
 def copy_of(made: Path, folder: Path) -> None:
-    """Copy the scene, the cache and the results without it to a folder.  Collective."""
+    """Copy the scene, the cache and the results without cache to a folder.  Collective."""
     on_root(COMM, shutil.copytree, made, folder, None, shutil.ignore_patterns("first", "second"), shutil.copy2, False, True)
 
 
-ON_RANKS = ("cut", "gone", "other rows")  # those of them that are tried on several ranks
+ON_RANKS = ("cut", "gone", "other rows")  # damages tested on several ranks
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in ON_RANKS else pytest.mark.ranks(1)) for name in DAMAGES])
-def test_what_is_damaged_is_not_used_but_made_and_kept_again(name, made, shared_path, factored):
+def test_a_damaged_factor_is_computed_and_stored_again(name, made, shared_path, factored):
     copy_of(made, shared_path)
-    folder = kept_in(shared_path)
+    folder = factor_folder(shared_path)
     before = on_root(COMM, names_of, folder)
     on_root(COMM, lambda: [DAMAGES[name](folder), None][1])
     second = run_at(shared_path, "second", FRICTION)
@@ -190,7 +190,7 @@ def names_of(folder):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A folder with a cache, made by a run in it, and what another friction gives without it."""
+    """Return a folder with the cache of a run, and the results with another friction and no cache."""
     folder = COMM.bcast(tmp_path_factory.mktemp("made"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("microslip.results.draw.draw_share", lambda *share: None)
@@ -199,9 +199,9 @@ def made(tmp_path_factory):
     return folder
 
 
-def test_the_factor_of_another_number_of_ranks_is_left_to_it(made, shared_path, factored):
+def test_the_factor_of_another_number_of_ranks_is_not_used(made, shared_path, factored):
     copy_of(made, shared_path)
-    folder = kept_in(shared_path)
+    folder = factor_folder(shared_path)
     other = folder.with_name(f"factor-{COMM.size + 1}")
     on_root(COMM, lambda: [folder.rename(other), None][1])
     second = run_at(shared_path, "second", FRICTION)
@@ -210,40 +210,40 @@ def test_the_factor_of_another_number_of_ranks_is_left_to_it(made, shared_path, 
 
 
 @pytest.mark.ranks(2)
-def test_a_factor_that_is_not_of_this_structure_is_found_out(made, shared_path, factored):
-    """Its files are whole and of as many rows: only its answers tell."""
+def test_the_factor_of_another_structure_is_detected(made, shared_path, factored):
+    """Its files are complete and have the right number of rows: only wrong solutions show it."""
     copy_of(made, shared_path)
     run_at(shared_path, "soft", "materials.steel.young=1e11")
-    one, two = on_root(COMM, lambda: sorted(shared_path.glob("cache/setup-*/factor-2")))
-    on_root(COMM, lambda: [[folder.rename(folder.with_name("other")) for folder in (one, two)], None][1])
-    for here, there in ((one, two), (two, one)):
-        on_root(COMM, lambda here=here, there=there: [here.with_name("other").rename(there), None][1])
+    first, second_entry = on_root(COMM, lambda: sorted(shared_path.glob("cache/setup-*/factor-2")))
+    on_root(COMM, lambda: [[folder.rename(folder.with_name("other")) for folder in (first, second_entry)], None][1])
+    for source, target in ((first, second_entry), (second_entry, first)):
+        on_root(COMM, lambda source=source, target=target: [source.with_name("other").rename(target), None][1])
     second = run_at(shared_path, "second", FRICTION)
     assert len(factored) == 2 and "is not used: it is not that of K_L" in second
     assert_same_results(shared_path / "second", shared_path / "alone")
 
 
-def test_a_factor_too_large_for_its_share_is_not_kept(shared_path, monkeypatch):
+def test_a_factor_too_large_for_the_cache_is_not_stored(shared_path, monkeypatch):
     monkeypatch.setattr(cached_factor, "LARGEST", 1000.0)
     assert "the factor is not stored for other runs: its size is" in run_at(shared_path, "first")
     assert on_root(COMM, lambda: list(shared_path.glob("cache/setup-*/factor-*"))) == []
 
 
-def test_a_disk_without_room_is_said(shared_path, monkeypatch):
+def test_a_full_disk_is_reported(shared_path, monkeypatch):
     monkeypatch.setattr(cached_factor.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10, 9, 1))
     assert "the disk has no room for" in run_at(shared_path, "first")
     assert on_root(COMM, lambda: list(shared_path.glob("cache/setup-*/factor-*"))) == []
 
 
-def test_memory_that_is_short_leaves_it_where_it_is(made, shared_path, factored, monkeypatch):
+def test_the_cached_factor_is_not_read_if_memory_is_short(made, shared_path, factored, monkeypatch):
     copy_of(made, shared_path)
     monkeypatch.setattr(cached_factor, "shortage", lambda comm, needed: "short")
     assert NOT_USED not in run_at(shared_path, "second", FRICTION)
-    assert len(factored) == 1 and on_root(COMM, kept_in(shared_path).is_dir)
+    assert len(factored) == 1 and on_root(COMM, factor_folder(shared_path).is_dir)
 
 
-def test_of_two_that_keep_it_at_a_time_one_is_kept_and_nothing_is_left_over(shared_path, monkeypatch):
-    """Another run has put its own there while this one wrote; a third was killed long ago."""
+def test_of_two_runs_that_store_the_factor_at_the_same_time_one_is_stored(shared_path, monkeypatch):
+    """Another run stored its factor while this run wrote; a third run was killed earlier."""
 
     def other_was_faster(path, size):
         checksum = summed(path, size)
@@ -259,16 +259,16 @@ def test_of_two_that_keep_it_at_a_time_one_is_kept_and_nothing_is_left_over(shar
 
     summed = cached_factor.summed
     run_at(shared_path, "first", "response.fields=false")
-    folder = kept_in(shared_path)
+    folder = factor_folder(shared_path)
     on_root(COMM, lambda: [shutil.rmtree(folder), leave()][1])
     monkeypatch.setattr(cached_factor, "summed", other_was_faster)
     run_at(shared_path, "second", FRICTION)
     left = on_root(COMM, lambda: [path.name for path in shared_path.glob("cache/setup-*/factor-*")])
-    assert left == [f"factor-{COMM.size}"] and on_root(COMM, (kept_in(shared_path) / "x").is_dir)
+    assert left == [f"factor-{COMM.size}"] and on_root(COMM, (factor_folder(shared_path) / "x").is_dir)
 
 
 @pytest.mark.ranks(1)
-def test_factors_make_room_before_set_ups_do(tmp_path, monkeypatch):
+def test_factors_are_deleted_before_set_ups(tmp_path, monkeypatch):
     monkeypatch.setattr(cache, "LARGEST", 3500.0)
     a, b = (tmp_path / f"setup-{letter * 24}" for letter in "ab")
     for i, entry in enumerate((a, b)):

@@ -1,4 +1,4 @@
-"""A run that was stopped anywhere goes on where it was: to the same curve, without a point computed twice; on any ranks."""
+"""A stopped run continues at its last point: the same curve, without a point computed twice; on any number of ranks."""
 
 import math
 from dataclasses import replace
@@ -59,7 +59,7 @@ def scene_at(folder: Path, *settings: str, error_bars=False, **solver):
 
 
 def followed(scene, folder, observers=(), fresh=False):
-    """Return the branches of a scene, as a run follows them."""
+    """Return the branches of a scene, followed as by a run."""
     log = RunLog(COMM, screen=False)
     restart = Restart.open(COMM, folder, scene, (), fresh)
     prepared = restart.prepared(log, partial(whole_run.build, scene, COMM, log))
@@ -70,7 +70,7 @@ def followed(scene, folder, observers=(), fresh=False):
 
 
 def assert_same(branches, others, bits=COMM.size == 1):
-    """Compare branches: to the last bit, or to rounding, as MUMPS adds what several ranks send in the order in which it comes."""
+    """Compare branches bit for bit, or to rounding, as MUMPS adds contributions of several ranks in the order of arrival."""
     for one, other in zip(branches, others, strict=True):
         assert len(one.points) == len(other.points) and one.failure == other.failure and one.is_linear == other.is_linear
         for a, b in zip(one.points, other.points):
@@ -84,7 +84,7 @@ def assert_same(branches, others, bits=COMM.size == 1):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [pytest.param(one, marks=() if one in ON_RANKS else pytest.mark.ranks(1)) for one in METHODS])
-def test_a_set_up_that_was_kept_gives_the_same_response_and_is_not_built_again(method, shared_path, built):
+def test_a_stored_set_up_gives_the_same_response_without_a_build(method, shared_path, built):
     scene = scene_at(shared_path, method=method, error_bars=method == "receptance")
     first = followed(scene, shared_path)
     on_root(COMM, lambda: [path.unlink() for path in (shared_path / NAME).glob("level-*/*")])
@@ -98,37 +98,37 @@ def test_a_set_up_that_was_kept_gives_the_same_response_and_is_not_built_again(m
     "n_points, levels",
     [pytest.param(2, "[30.0]", marks=pytest.mark.ranks(2)), pytest.param(17, "[30.0, 50.0]", marks=pytest.mark.ranks(1))],
 )
-def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, levels, shared_path, built):
+def test_a_run_continues_after_the_last_point_to_the_same_curve(n_points, levels, shared_path, built):
     scene = scene_at(shared_path, f"response.levels={levels}")
     whole = followed(scene, shared_path / "whole")
     assert n_points < sum(len(branch.points) for branch in whole)
     with pytest.raises(Interrupted):
         followed(scene, shared_path / "parts", [StopsAfter(n_points)])
     before = [point.seconds for branch in point_records(shared_path / "parts") for point in branch]
-    assert len(before) == n_points + 1  # with the one at which it was stopped, put off or not
+    assert len(before) == n_points + 1  # including the point at which it was stopped, postponed or not
     assert_same(whole, (rest := followed(scene, shared_path / "parts")))
     after = {point.seconds for branch in rest for point in branch.points}
     assert set(before) <= after
-    assert built["first"] == 2  # built again where it was stopped before static columns were known
+    assert built["first"] == 2  # built again if stopped before static columns were known
     assert built["again"] == 0 or n_points <= 2
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_points", [pytest.param(9, marks=pytest.mark.ranks(2)), pytest.param(10, marks=pytest.mark.ranks(1))])
-def test_a_run_that_is_killed_loses_one_point_at_most_and_goes_on_to_the_same_curve(n_points, shared_path, monkeypatch):
-    monkeypatch.setattr("microslip.restart.branch_files.SHORT", math.inf)  # every other step is put off
+def test_a_killed_run_loses_at_most_one_point_and_continues_to_the_same_curve(n_points, shared_path, monkeypatch):
+    monkeypatch.setattr("microslip.restart.branch_files.SHORT", math.inf)  # every second step is postponed
     monkeypatch.setattr("microslip.restart.branch_files.SELDOM", math.inf)
     monkeypatch.setattr(BranchFiles, "flush", lambda kept: None)
     scene = scene_at(shared_path)
     whole = followed(scene, shared_path / "whole")
     with pytest.raises(Interrupted):
-        followed(scene, shared_path / "parts", [StopsAfter(n_points)])  # in the middle of telling the next one
+        followed(scene, shared_path / "parts", [StopsAfter(n_points)])  # while it notifies observers of the next point
     n_kept = sum(map(len, point_records(shared_path / "parts")))
     assert n_kept == n_points + n_points % 2  # pairs
     assert_same(whole, followed(scene, shared_path / "parts"))
 
 
-def test_files_that_hold_something_else_are_refused_by_all_ranks(shared_path):
+def test_files_with_other_contents_are_rejected_on_all_ranks(shared_path):
     scene = scene_at(shared_path)
     followed(scene, shared_path)
     (end,) = (shared_path / NAME).glob("level-*/end.0")
@@ -139,7 +139,7 @@ def test_files_that_hold_something_else_are_refused_by_all_ranks(shared_path):
 
 
 def seconds_of(branch):
-    """Return what the points took on rank 0, which tells one computation of a point from another."""
+    """Return the times of the points on rank 0, which identify a computation of a point."""
     return COMM.bcast([point.seconds for point in branch.points])
 
 
@@ -152,7 +152,7 @@ def point_records(folder: Path):
 
 
 @pytest.mark.ranks(2, 3)
-def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
+def test_several_ranks_continue_the_run_of_one(shared_path):
     scene, alone = scene_at(shared_path), COMM.Split(COMM.rank, 0)
     if COMM.rank == 0:
         log = RunLog(alone, screen=False)
@@ -167,12 +167,12 @@ def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
 
 
 @pytest.mark.slow
-def test_columns_beyond_those_kept_bring_the_structure_back(shared_path, built):
+def test_static_columns_that_were_not_stored_are_computed(shared_path, built):
     scene = scene_at(shared_path, "response.levels=[10.0]")
     followed(scene, shared_path)
     stronger = scene_at(shared_path, "response.levels=[10.0, 30.0]", "solver.modes=6")
     on_root(COMM, lambda: [path.write_bytes(b"") for path in (shared_path / NAME).glob("setup-*/columns")])
-    first = followed(stronger, shared_path)  # other modes: a set-up of its own
+    first = followed(stronger, shared_path)  # other modes, and therefore another set-up
     on_root(COMM, lambda: [path.write_bytes(b"") for path in (shared_path / NAME).glob("setup-*/columns")])
     on_root(COMM, lambda: [path.unlink() for path in (shared_path / NAME).glob("level-*/*")])
     assert_same(first, followed(stronger, shared_path))
@@ -181,7 +181,7 @@ def test_columns_beyond_those_kept_bring_the_structure_back(shared_path, built):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_more_levels_are_added_to_those_that_are_there(shared_path, built):
+def test_more_levels_are_added_to_finished_levels(shared_path, built):
     two, three = (
         scene_at(shared_path, f"response.levels={levels}", "solver.modes=6") for levels in ([30.0, 50.0], [30.0, 40.0, 50.0])
     )
@@ -194,7 +194,7 @@ def test_more_levels_are_added_to_those_that_are_there(shared_path, built):
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("direction", ["up", "down"])
-def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path, built):
+def test_a_wider_range_continues_a_finished_range(direction, shared_path, built):
     narrow, wide = (
         scene_at(shared_path, f"response.span={span}", f"response.direction='{direction}'", "solver.modes=6")
         for span in ("[0.95, 1.03]", "[0.9, 1.1]")
@@ -207,11 +207,11 @@ def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path,
         assert [omega[0], omega[-1]] == [three.points[0].omega, three.points[-1].omega]
         assert len(set(omega)) == len(omega) > len(one.points)
         assert_on_one_curve(two, three)
-    assert built == {"first": 3, "again": 0}  # whether the modes reach the end of the range is said with the set-up
+    assert built == {"first": 3, "again": 0}  # the range is part of the set-up, which states whether the modes cover it
 
 
 def assert_on_one_curve(branch, other):
-    """Compare the amplitudes of two branches without folds, between the points of the other one."""
+    """Compare the amplitudes of two branches without folds, at frequencies between the points of the second."""
     one, two = (
         sorted((point.omega, float(np.hypot(*point.response[0, 1:3]))) for point in each.points) for each in (branch, other)
     )
@@ -221,7 +221,7 @@ def assert_on_one_curve(branch, other):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """A folder with the scene and the checkpoints of a run that reached its end; tests only read it."""
+    """Return a folder with the scene and the checkpoints of a finished run; tests only read it."""
     folder = COMM.bcast(tmp_path_factory.mktemp("finished"))
     followed(scene_at(folder), folder)
     return folder
@@ -241,7 +241,7 @@ def finished(tmp_path_factory):
         ("solver.method='adaptive'", False, False),
     ],
 )
-def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(setting, setup, level, finished):
+def test_changed_settings_are_noted_and_only_dependent_parts_are_computed(setting, setup, level, finished):
     one, two = (Restart.open(COMM, finished, scene_at(finished, *more)) for more in ((), (setting,)))
     assert (one.identity.setup == two.identity.setup) == setup
     assert (one.identity.level(30.0, 6) == two.identity.level(30.0, 6)) == level
@@ -252,7 +252,7 @@ def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(s
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_a_changed_mesh_is_noticed(shared_path):
+def test_a_changed_mesh_is_detected(shared_path):
     scene = scene_at(shared_path)
     followed(scene, shared_path)
     on_root(COMM, lambda: (shared_path / "bar.msh").open("a").write("\n"))
@@ -262,7 +262,7 @@ def test_a_changed_mesh_is_noticed(shared_path):
 
 
 @pytest.mark.ranks(1)
-def test_files_of_one_name_in_two_folders_both_count(shared_path, monkeypatch):
+def test_files_of_the_same_name_in_two_folders_are_distinct(shared_path, monkeypatch):
     scene, files = scene_at(shared_path), [shared_path / folder / "nodes.inp" for folder in ("a", "b")]
     for file in files:
         file.parent.mkdir()
@@ -276,7 +276,7 @@ def test_files_of_one_name_in_two_folders_both_count(shared_path, monkeypatch):
 
 
 @pytest.mark.ranks(1)
-def test_that_modes_end_within_a_wider_range_is_said(shared_path):
+def test_a_wider_range_beyond_the_modes_has_another_set_up(shared_path):
     narrow, wide = (scene_at(shared_path, f"response.span={span}", "solver.modes=3") for span in ("[0.95, 1.03]", "[0.9, 20.0]"))
     assert Restart.open(COMM, shared_path, narrow).identity.setup != Restart.open(COMM, shared_path, wide).identity.setup
 
@@ -286,7 +286,7 @@ def test_that_modes_end_within_a_wider_range_is_said(shared_path):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_earlier_results_stay_until_the_new_ones_are_complete(shared_path, monkeypatch):
+def test_earlier_results_remain_until_the_new_ones_are_complete(shared_path, monkeypatch):
     scene, other = scene_at(shared_path), scene_at(shared_path, "response.points=14")
     folder = shared_path / "out"
     run(scene, COMM, folder, RunOptions(screen=False))
@@ -303,7 +303,7 @@ def test_earlier_results_stay_until_the_new_ones_are_complete(shared_path, monke
 
 
 @pytest.mark.slow
-def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built):
+def test_a_finished_run_is_only_computed_again_with_fresh(shared_path, built):
     scene, folder = scene_at(shared_path), shared_path / "out"
     run(scene, COMM, folder, RunOptions(screen=False))
     once = on_root(COMM, (folder / "results.h5").read_bytes)
@@ -317,7 +317,7 @@ def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built)
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_a_table_that_was_taken_away_is_written_again(shared_path, built):
+def test_a_deleted_table_is_written_again(shared_path, built):
     scene, folder = scene_at(shared_path), shared_path / "out"
     table = folder / "frf.csv"
     run(scene, COMM, folder, RunOptions(screen=False))
@@ -329,7 +329,7 @@ def test_a_table_that_was_taken_away_is_written_again(shared_path, built):
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_fresh_leaves_what_others_have_in_its_folder(shared_path, built):
+def test_fresh_preserves_other_files_of_its_folder(shared_path, built):
     mine = shared_path / "out" / "restart" / "level-of-water"
     on_root(COMM, lambda: mine.mkdir(parents=True))
     for fresh in (False, True):
@@ -337,7 +337,7 @@ def test_fresh_leaves_what_others_have_in_its_folder(shared_path, built):
     assert built == {"first": 2, "again": 0} and on_root(COMM, mine.is_dir)
 
 
-def test_a_level_that_ends_early_is_said_again_and_not_followed_again(shared_path, built, monkeypatch):
+def test_a_level_that_ended_early_is_reported_but_not_followed_again(shared_path, built, monkeypatch):
     monkeypatch.setattr("microslip.continuation.levels.most_points", lambda points: 5)
     scene, folder, said = scene_at(shared_path, "response.levels=[30.0, 50.0]"), shared_path / "out", []
     for _ in range(2):
@@ -349,14 +349,14 @@ def test_a_level_that_ends_early_is_said_again_and_not_followed_again(shared_pat
 
 
 @pytest.mark.ranks(1)
-def test_results_that_are_incomplete_leave_complete_ones_in_place(shared_path, built, monkeypatch):
+def test_incomplete_results_do_not_replace_complete_ones(shared_path, built, monkeypatch):
     complete, folder = scene_at(shared_path, "response.levels=[30.0]"), shared_path / "out"
     run(complete, COMM, folder, RunOptions(screen=False))
     once = (folder / "results.h5").read_bytes()
 
     def ends_early(setting):
         said = []
-        for _ in range(2):  # the second time it is not computed again
+        for _ in range(2):  # the second time nothing is computed
             with pytest.raises(
                 ConvergenceError, match=f"what converged is in {folder}/unfinished; the complete results"
             ) as problem:
@@ -378,7 +378,7 @@ def test_results_that_are_incomplete_leave_complete_ones_in_place(shared_path, b
 
 
 def test_peaks_and_bifurcations_of_finished_levels_are_read(shared_path, monkeypatch):
-    """Stopped at the second level: what the first one was solved for is read, not solved for again."""
+    """Stopped at the second level: peaks and bifurcations of the first level are read, not computed again."""
     mass = scenes.jenkins_mass() | {"C": np.array([[0.02]])}
     of_mass = partial(
         write_matrix_scene, shared_path, mass, [0.4, 0.5], (0.5, 2.0), points=6, harmonics=1, samples=32, error_bars=False
@@ -409,8 +409,8 @@ OVER = ('response.over=[{key="level", range=[0.02, 0.2]}, {key="damping", range=
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_points", [3, pytest.param(9, marks=pytest.mark.ranks(1))])
-def test_peaks_over_numbers_go_on_after_the_last_point(n_points, shared_path, monkeypatch):
-    """Stopped within a curve of peaks: levels and points before are read, and the table is that of a run without a stop."""
+def test_peaks_over_parameters_continue_after_the_last_point(n_points, shared_path, monkeypatch):
+    """Stopped within a curve of peaks: earlier levels and points are read, and the table is that of a run without a stop."""
     mass = scenes.jenkins_mass() | {"C": np.array([[0.02]])}
     of_mass = partial(write_matrix_scene, shared_path, mass, [0.02], (0.5, 2.0), points=20, harmonics=1, samples=64)
     scene = read_scene(on_root(COMM, of_mass), OVER)
@@ -447,7 +447,7 @@ def test_peaks_over_numbers_go_on_after_the_last_point(n_points, shared_path, mo
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_points", [1, pytest.param(7, marks=pytest.mark.ranks(1))])
-def test_a_nonlinear_mode_goes_on_after_the_last_point(n_points, shared_path, monkeypatch):
+def test_a_nonlinear_mode_continues_after_the_last_point(n_points, shared_path, monkeypatch):
     of_mass = partial(write_matrix_scene, shared_path, scenes.jenkins_mass(), [0.4], (0.5, 2.0), harmonics=1, samples=64)
     scene, request = read_scene(on_root(COMM, of_mass)), backbone.Request(farthest=5.0)
     folders = shared_path / "whole", shared_path / "stopped"

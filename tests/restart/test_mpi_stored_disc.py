@@ -1,4 +1,4 @@
-"""The nodal diameters of a disc in the folder of a run and in the cache: other runs take them, a run that was ended goes on."""
+"""The nodal diameters of a disc in the folder of a run and in the cache: other runs use them, an interrupted run continues."""
 
 import re
 import shutil
@@ -40,14 +40,14 @@ def curve(folder):
 
 
 def run(program, scene, folder, *more):
-    status, _, said = program("run", str(scene), "--out", str(folder), *more)
-    assert status == 0, said
+    status, _, messages = program("run", str(scene), "--out", str(folder), *more)
+    assert status == 0, messages
     COMM.barrier()
     return curve(folder)
 
 
 @pytest.mark.ranks(1)
-def test_another_friction_takes_all_nodal_diameters_from_the_cache(shared_path, program, monkeypatch):
+def test_a_run_with_another_friction_uses_all_cached_nodal_diameters(shared_path, program, monkeypatch):
     monkeypatch.setenv("MICROSLIP_CACHE", str(shared_path / "cache"))
     scene = on_root(COMM, lambda: write_sector(shared_path, 5, END, friction=0.05))
     _, _, first = run(program, scene, shared_path / "first")
@@ -56,9 +56,7 @@ def test_another_friction_takes_all_nodal_diameters_from_the_cache(shared_path, 
     computed = [d for d in range(3) if f"\nnodal diameter {d}\n" in first]
     assert computed == [0, 1, 2]
     assert all(f"nodal diameter {d}: the structure is that of an earlier run" in log for d in computed)
-    assert STAGE_OF_MODES.search(first) and not STAGE_OF_MODES.search(
-        log
-    )  # a pair that slips for the first time takes the factor
+    assert STAGE_OF_MODES.search(first) and not STAGE_OF_MODES.search(log)  # a pair that slips for the first time uses the factor
     monkeypatch.setenv("MICROSLIP_CACHE", "off")
     at_without, without, _ = run(program, scene, shared_path / "third", *changed)
     np.testing.assert_allclose(at, at_without, rtol=1e-8)
@@ -68,8 +66,8 @@ def test_another_friction_takes_all_nodal_diameters_from_the_cache(shared_path, 
 @pytest.mark.study
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("order", [1, 3])
-def test_modes_from_the_cache_are_picked_as_in_a_first_run(shared_path, program, monkeypatch, order):
-    """Each nodal diameter those that its harmonics need; order 3 of 5 sectors turns in the other direction."""
+def test_cached_modes_are_selected_as_in_a_first_run(shared_path, program, monkeypatch, order):
+    """Each nodal diameter has the modes that its harmonics need; order 3 of 5 sectors rotates in the other direction."""
     end = END.replace("modes = 12", "accuracy = 0.01").replace("error_bars = false\n", "")
     scene = on_root(COMM, lambda: write_sector(shared_path, 5, end, friction=0.05, wave={"engine_order": order}))
     monkeypatch.setenv("MICROSLIP_CACHE", str(shared_path / "cache"))
@@ -82,15 +80,15 @@ def test_modes_from_the_cache_are_picked_as_in_a_first_run(shared_path, program,
     assert "of an earlier run" in cached and "of an earlier run" not in without and picked[0] == picked[1]
 
 
-def test_a_run_that_lost_its_end_goes_on_with_the_same_numbers(shared_path, program, monkeypatch):
+def test_a_run_that_lost_its_last_files_continues_with_the_same_numbers(shared_path, program, monkeypatch):
     monkeypatch.setenv("MICROSLIP_CACHE", "off")
     scene, folder = on_root(COMM, lambda: write_sector(shared_path, 5, END, friction=0.05)), shared_path / "run"
     at, response, _ = run(program, scene, folder)
     on_root(COMM, lambda: [(folder / name).unlink() for name in ("results.h5", "frf.csv")] and None)
-    again, same, log = run(program, scene, folder)
+    continued, same, log = run(program, scene, folder)
     assert "continues from the checkpoints in" in log and "has no set-up yet" not in log
     assert "nodal diameter 1: the structure is that of this folder" in log and "factor of the stuck structure" not in log
-    np.testing.assert_array_equal(again, at)
+    np.testing.assert_array_equal(continued, at)
     np.testing.assert_array_equal(same, response)
 
     def lose_levels():
@@ -100,7 +98,7 @@ def test_a_run_that_lost_its_end_goes_on_with_the_same_numbers(shared_path, prog
             (folder / name).unlink()
 
     on_root(COMM, lose_levels)
-    again, same, log = run(program, scene, folder)
+    continued, same, log = run(program, scene, folder)
     assert not STAGE_OF_MODES.search(log)
-    np.testing.assert_array_equal(again, at)
+    np.testing.assert_array_equal(continued, at)
     np.testing.assert_array_equal(same, response)

@@ -1,4 +1,4 @@
-"""Records on disk: what is read back is whole or not there, wherever a file ends and whatever byte of it is wrong."""
+"""Records on disk: a record is read completely or not at all, for any truncation of a file and any wrong byte."""
 
 import errno
 import os
@@ -19,7 +19,7 @@ ARRAYS = {"U": np.arange(24.0).reshape(4, 3, 2), "selected": np.array([True, Fal
 
 @settings(derandomize=True, max_examples=50)
 @given(npst.arrays(st.sampled_from(["f8", "i8", "u1", "?", "c16"]), npst.array_shapes(min_dims=0, min_side=0)))
-def test_arrays_and_texts_come_back_to_the_last_bit(values):
+def test_arrays_and_texts_are_read_bit_for_bit(values):
     body = pack({"a/b": values}, {"notes": ["é\n", ""], "n": 3})[records._FRAME.size :]
     arrays, texts = unpack(body)
     assert texts == {"notes": ["é\n", ""], "n": 3}
@@ -27,7 +27,7 @@ def test_arrays_and_texts_come_back_to_the_last_bit(values):
     assert arrays["a/b"].tobytes() == values.tobytes()
 
 
-def test_a_file_cut_anywhere_gives_the_records_before_the_cut(tmp_path):
+def test_a_truncated_file_has_the_records_before_its_end(tmp_path):
     whole = [pack({"i": np.array(i)}, {"i": i}) for i in range(3)]
     path, ends = tmp_path / "journal", np.cumsum([0, *map(len, whole)])
     for cut in range(ends[-1] + 1):
@@ -37,27 +37,27 @@ def test_a_file_cut_anywhere_gives_the_records_before_the_cut(tmp_path):
         assert length_of(records) == ends[len(records)]
 
 
-def test_a_wrong_byte_anywhere_is_noticed(tmp_path):
+def test_a_wrong_byte_anywhere_is_detected(tmp_path):
     path, record = tmp_path / "record", pack(ARRAYS, {"of": "this"})
     for i in range(len(record)):
         path.write_bytes(record[:i] + bytes([record[i] ^ 0x10]) + record[i + 1 :])
         assert read_record(path) is None
 
 
-def test_a_length_that_the_file_does_not_have_is_not_read(tmp_path):
+def test_a_record_longer_than_the_file_is_not_read(tmp_path):
     path = tmp_path / "record"
     path.write_bytes(records._FRAME.pack(10**15, 0) + b"few")
     assert read_records(path) == []
 
 
-def test_shapes_and_types_that_the_bytes_do_not_bear_are_refused():
+def test_shapes_and_types_that_do_not_match_the_bytes_are_rejected():
     body = pack({"a": np.zeros(4)})[records._FRAME.size :]
     for old, new in ((b"[4]", b"[5]"), (b"<f8", b"|O8")):
         with pytest.raises((ValueError, TypeError)):
             unpack(body.replace(old, new))
 
 
-def test_a_journal_goes_on_behind_what_is_whole(tmp_path):
+def test_a_journal_continues_after_its_last_complete_record(tmp_path):
     path = tmp_path / "points"
     journal = Journal(path)
     journal.append(ARRAYS)
@@ -73,7 +73,7 @@ def test_a_journal_goes_on_behind_what_is_whole(tmp_path):
     assert [unpack(body)[1] for body in read_records(path)] == [{}, {"instead": True}]
 
 
-def test_the_latest_record_stays_whole_while_the_next_is_written(tmp_path):
+def test_the_latest_record_is_complete_while_the_next_is_written(tmp_path):
     path = tmp_path / "state"
     latest = Latest(path)
     assert latest.read() == []
@@ -81,15 +81,15 @@ def test_the_latest_record_stays_whole_while_the_next_is_written(tmp_path):
         latest.write({"i": np.array(i)})
     latest.close()
     assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [4, 3]
-    (tmp_path / "state.0").write_bytes(pack({"i": np.array(6)})[:-1])  # killed while it wrote the next one
-    again = Latest(path)
-    assert [int(arrays["i"]) for arrays, _ in again.read()] == [3]
-    again.write({"i": np.array(4)})
-    again.close()
+    (tmp_path / "state.0").write_bytes(pack({"i": np.array(6)})[:-1])  # killed while writing the next record
+    reopened = Latest(path)
+    assert [int(arrays["i"]) for arrays, _ in reopened.read()] == [3]
+    reopened.write({"i": np.array(4)})
+    reopened.close()
     assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [4, 3]
 
 
-def test_the_disk_is_waited_for_a_small_part_of_the_time(tmp_path, monkeypatch):
+def test_waiting_for_the_disk_is_a_small_part_of_the_time(tmp_path, monkeypatch):
     now, waits = [0.0], []
 
     def wait(handle):
@@ -104,12 +104,12 @@ def test_the_disk_is_waited_for_a_small_part_of_the_time(tmp_path, monkeypatch):
         disk.sync(handle)
         disk.wait()
         now[0] += 0.1
-    assert len(waits) == 10 and np.diff(waits).min() > 300 * 0.02  # at first, and every six seconds
+    assert len(waits) == 10 and np.diff(waits).min() > 300 * 0.02  # at first, and then every six seconds
     os.close(handle)
 
 
-def test_parts_of_a_record_are_its_own(tmp_path):
-    """A file of which the beginning alone was written, over parts of the record before the last, is not whole."""
+def test_parts_of_a_record_belong_to_it(tmp_path):
+    """A file whose beginning was written over the record before the last is not complete."""
     path, parts = tmp_path / "state", [pack({"U": np.full(3, float(i))}) for i in range(4)]
     latest = Latest(path)
     for i in range(3):
@@ -123,7 +123,7 @@ def test_parts_of_a_record_are_its_own(tmp_path):
     assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [2]
 
 
-def test_a_disk_that_fails_is_told_with_the_next_record(tmp_path, monkeypatch):
+def test_a_failing_disk_is_reported_with_the_next_record(tmp_path, monkeypatch):
     def fail(handle):
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
@@ -139,14 +139,14 @@ def test_a_disk_that_fails_is_told_with_the_next_record(tmp_path, monkeypatch):
         disk.wait()
 
 
-def test_a_record_that_cannot_be_written_says_where(tmp_path):
+def test_a_record_that_cannot_be_written_names_the_file(tmp_path):
     with pytest.raises(CaseError, match="record: cannot be written"):
         write_record(tmp_path / "nowhere" / "record", {})
     with pytest.raises(CaseError, match="points: cannot be written"):
         Journal(tmp_path / "nowhere" / "points")
 
 
-def test_a_file_reaches_the_disk_also_where_there_is_no_thread_for_it(tmp_path, monkeypatch):
+def test_files_are_synchronised_without_a_thread(tmp_path, monkeypatch):
     def refuse(*_):
         raise RuntimeError("can't start new thread")
 

@@ -1,4 +1,4 @@
-"""Files of a run take their places; what a killed one had half written is gone."""
+"""Files of a run are moved to its folder; partial files of a killed run are removed."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from microslip.restart.results_folder import is_results_file, move_results, note
 from microslip.results.plots import PICTURES, STATIC_PICTURES
 
 
-def test_half_a_file_is_removed_and_the_rest_stays(tmp_path):
+def test_partial_files_are_removed_and_complete_files_remain(tmp_path):
     folder = tmp_path / "out"
     (folder / "unfinished").mkdir(parents=True)
     for name in (
@@ -26,18 +26,18 @@ def test_half_a_file_is_removed_and_the_rest_stays(tmp_path):
     assert (folder / "frf.csv").read_text() == "unfinished/frf.csv" and not output.exists()
 
 
-def test_a_folder_of_no_results_is_the_place_itself(tmp_path):
-    (tmp_path / "results.h5.part").mkdir()  # taken: writing will tell
+def test_a_folder_without_results_is_written_directly(tmp_path):
+    (tmp_path / "results.h5.part").mkdir()  # occupied: writing will fail
     assert output_folder(tmp_path) == tmp_path and output_folder(tmp_path / "none") == tmp_path / "none"
 
 
-def test_files_of_others_stay_where_they_are(tmp_path):
-    ours, others = ("results.h5", "response2.png", "motion_0003.vtkhdf"), ("beam.toml", "beam.msh", "drawing.part", "my.png")
+def test_other_files_are_not_moved(tmp_path):
+    own_files, others = ("results.h5", "response2.png", "motion_0003.vtkhdf"), ("beam.toml", "beam.msh", "drawing.part", "my.png")
     (tmp_path / "unfinished").mkdir()
-    for name in (*ours, *others, "results.h5.part", "unfinished/results.h5"):
+    for name in (*own_files, *others, "results.h5.part", "unfinished/results.h5"):
         (tmp_path / name).write_text(name)
     move_results(tmp_path, output_folder(tmp_path), keeps_earlier=True)
-    assert sorted(path.name for path in (tmp_path / "earlier-1").iterdir()) == sorted(ours)
+    assert sorted(path.name for path in (tmp_path / "earlier-1").iterdir()) == sorted(own_files)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(("earlier-1", "results.h5", *others))
 
 
@@ -47,7 +47,7 @@ def test_every_picture_is_a_file_of_a_run(draw):
     assert all(is_results_file(f"{name}{page}.png") for page in ("", "2", "_02"))
 
 
-def test_tables_and_pictures_that_the_new_run_does_not_have_are_removed(tmp_path):
+def test_outdated_tables_and_pictures_are_removed(tmp_path):
     output = tmp_path / "unfinished"
     output.mkdir()
     earlier = ("results.h5", "sectors.csv", "sensitivities.csv", "multipliers.png", "response_01.png", "response_02.png")
@@ -59,7 +59,7 @@ def test_tables_and_pictures_that_the_new_run_does_not_have_are_removed(tmp_path
     assert not note_on_replaced(tmp_path, output, False)
 
 
-def test_what_a_user_has_in_unfinished_stays_and_stops_no_run(tmp_path):
+def test_user_files_in_unfinished_remain_and_stop_no_run(tmp_path):
     output = tmp_path / "unfinished"
     (output / "notes").mkdir(parents=True)
     (output / "energy.png").mkdir()
@@ -74,18 +74,18 @@ def test_what_a_user_has_in_unfinished_stays_and_stops_no_run(tmp_path):
         "results.h5",
         "unfinished",
     ]
-    move_results(tmp_path, output_folder(tmp_path))  # and so does every later run
+    move_results(tmp_path, output_folder(tmp_path))  # as does every later run
     (output / "frf.csv").mkdir()
     with pytest.raises(CaseError, match=r"unfinished/frf\.csv: cannot be written: Is a directory"):
         output_folder(tmp_path)
 
 
-def test_a_table_without_results_is_an_earlier_one_too(tmp_path):
+def test_a_table_without_results_belongs_to_an_earlier_run(tmp_path):
     (tmp_path / "frf.csv").write_text("kept, where results.h5 was taken away")
     assert output_folder(tmp_path) == tmp_path / "unfinished"
 
 
-def test_a_folder_with_the_name_of_a_file_is_refused_before_anything_is_computed(tmp_path):
+def test_a_folder_with_the_name_of_a_file_is_rejected_before_any_computation(tmp_path):
     (tmp_path / "results.h5").mkdir()
     with pytest.raises(CaseError, match=r"results\.h5: cannot be written: Is a directory"):
         output_folder(tmp_path)
