@@ -1,4 +1,4 @@
-"""The command line: what is asked arrives, and a word that nobody knows is an error that offers the nearest known one."""
+"""The command line: arguments are parsed, and an unknown word is an error with the nearest known word."""
 
 from pathlib import Path
 
@@ -84,11 +84,11 @@ def of(name, file="", out=None, petsc=(), settings=(), **options):
         ("doctor", of("doctor")),
     ],
 )
-def test_what_is_asked_arrives(line, command):
+def test_arguments_are_parsed(line, command):
     assert parse(line.split()) == command
 
 
-def test_the_folder_of_a_run_stands_for_its_results(tmp_path):
+def test_the_folder_of_a_run_names_its_results(tmp_path):
     (tmp_path / "results.h5").touch()
     assert parse(["plot", str(tmp_path)]).file == str(tmp_path / "results.h5")
     assert parse(["diff", "a.h5", str(tmp_path)]).options["other"] == str(tmp_path / "results.h5")
@@ -135,7 +135,7 @@ def test_the_folder_of_a_run_stands_for_its_results(tmp_path):
         ("run fan.toml -- -hb_snes_max_it 3 4", "'4' after --: an option's name is missing before it"),
     ],
 )
-def test_what_nobody_knows_is_an_error(line, message):
-    with pytest.raises(CaseError) as caught:
+def test_unknown_words_are_errors(line, message):
+    with pytest.raises(CaseError) as error:
         parse(line.split())
-    assert message in str(caught.value)
+    assert message in str(error.value)

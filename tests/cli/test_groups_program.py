@@ -1,4 +1,4 @@
-"""Groups of ranks as a user starts them: options and a signal; a level that fails: tests/parallel/test_mpi_groups.py."""
+"""Groups of ranks as started by a user: options and a signal; a level that fails: tests/parallel/test_mpi_groups.py."""
 
 import os
 import re
@@ -12,7 +12,7 @@ from oracles import scenes
 from processes import LIMIT, MPIRUN, environment, microslip
 
 
-def test_two_scenes_on_two_groups_and_an_option_that_nobody_read(tmp_path):
+def test_two_scenes_on_two_groups_and_an_unused_option(tmp_path):
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02], (1.0, 1.6), outputs=[0], points=5)
     (tmp_path / "other.toml").write_text((tmp_path / "scene.toml").read_text())
     options = ("-hb_snes_max_it", "40", "-hb_snes_maxit", "40")
@@ -28,7 +28,7 @@ def test_two_scenes_on_two_groups_and_an_option_that_nobody_read(tmp_path):
         }
 
 
-def test_a_signal_ends_all_groups_and_keeps_the_points(tmp_path):
+def test_a_signal_ends_all_groups_and_saves_the_points(tmp_path):
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.1, 0.4, 0.3, 0.2], (1.0, 1.6), outputs=[0], points=20000)
     command = [
         MPIRUN,
@@ -54,9 +54,9 @@ def test_a_signal_ends_all_groups_and_keeps_the_points(tmp_path):
             assert time.monotonic() < deadline and job.poll() is None
             time.sleep(0.05)
         os.kill(job.pid, signal.SIGTERM)
-        said = job.communicate(timeout=LIMIT)[1]
+        messages = job.communicate(timeout=LIMIT)[1]
     finally:
         job.kill()
-    assert job.returncode != 0 and "Traceback" not in said and said.count("stopped by SIGTERM") <= 1
+    assert job.returncode != 0 and "Traceback" not in messages and messages.count("stopped by SIGTERM") <= 1
     levels = {float(line.split(",")[0]) for line in table.read_text().splitlines()[1:]}
     assert levels == {0.4, 0.3}

@@ -1,4 +1,4 @@
-"""Scenes given as matrices, as a user starts them."""
+"""Scenes given as matrices, as started by a user."""
 
 import csv
 from pathlib import Path
@@ -36,13 +36,13 @@ JOBS = Path(__file__).parents[2] / "jobs"
         ),
     ],
 )
-def test_the_scenes_of_jobs_are_sound(program, name, said):
+def test_matrix_scenes_of_jobs_pass_the_check(program, name, messages):
     status, out, err = program("check", JOBS / f"{name}.toml")
     assert (status, err) == (0, "")
-    assert all(text in out for text in said)
+    assert all(text in out for text in messages)
 
 
-def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path, program, monkeypatch):
+def test_a_run_with_matrices_writes_curves_and_pictures_but_no_fields(tmp_path, program, monkeypatch):
     monkeypatch.setattr("microslip.results.draw.draw_share", draw_share)
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02, 0.1], (1.0, 1.6), outputs=[0, 2], points=6)
     status, _, err = program("run", tmp_path / "scene.toml", "--out", tmp_path / "out")
@@ -80,10 +80,10 @@ def test_statics_run_from_scene_to_pictures(tmp_path, program):
         mean = float(of_level[0]["mean_m"])
         stays = mean == pytest.approx(level * u_lin[0], rel=1e-8)
         assert stays == (of_level[0]["sticking"] == "1") == (level == 0.02)
-        said = log[log.index(f": {level:g} N, ") :]
-        said = said[: said.index("m/N")]
-        assert f"{mean:.5e}" in said and f"displacement {mean:.4e} m" in said and "1 point in " in said
-        assert "mean_m" in said and "amplitude_m" not in said
+        messages = log[log.index(f": {level:g} N, ") :]
+        messages = messages[: messages.index("m/N")]
+        assert f"{mean:.5e}" in messages and f"displacement {mean:.4e} m" in messages and "1 point in " in messages
+        assert "mean_m" in messages and "amplitude_m" not in messages
     assert "further points of [response]: harmonics = 0, constant loads have the same response at every frequency" in log
     assert "error bars: they estimate harmonic 1, and harmonics = 0" in log
     assert program("plot", tmp_path / "out" / "results.h5")[0] == 0

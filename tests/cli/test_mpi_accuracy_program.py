@@ -1,4 +1,4 @@
-"""What `microslip run` says where the requested accuracy is not met, and where it is; on any number of ranks."""
+"""Notes of `microslip run` on points that miss the requested accuracy; on any number of ranks."""
 
 import h5py
 import numpy as np
@@ -13,8 +13,8 @@ MISSED = "accuracy not met"
 
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("harmonics, accuracy", [(1, 2e-3), (None, 1e-2)])
-def test_points_that_miss_the_accuracy_say_so(comm, shared_path, program, harmonics, accuracy):
-    """One harmonic, stated, is too few in slip; left to the program, enough are taken."""
+def test_points_that_miss_the_accuracy_are_noted(comm, shared_path, program, harmonics, accuracy):
+    """A single stated harmonic is too few in slip; harmonics chosen by the program are enough."""
     stated = {} if harmonics is None else {"harmonics": harmonics}
 
     def write():

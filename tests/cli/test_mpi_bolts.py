@@ -32,7 +32,7 @@ SCENE = (
 
 @pytest.fixture(scope="module")
 def folder(comm, tmp_path_factory):
-    """A shank between two columns, with a head over all three; its lower half ends in the cut."""
+    """Return a folder with a shank between two columns, with a head over all three; its lower half ends in the cut."""
     path = comm.bcast(tmp_path_factory.mktemp("bolts"))
 
     def write():
@@ -55,9 +55,9 @@ def folder(comm, tmp_path_factory):
 
 def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
     on_root(comm, lambda: (folder / "clamp.toml").write_text(SCENE))
-    status, said, _ = program("run", folder / "clamp.toml", "--out", folder / "out")
+    status, messages, _ = program("run", folder / "clamp.toml", "--out", folder / "out")
     assert status == 0
-    assert "bolt 'M16': 9000 N when tightened, " in said
+    assert "bolt 'M16': 9000 N when tightened, " in messages
 
     def check():
         results = read_results(str(folder / "out" / "results.h5"))
@@ -66,7 +66,7 @@ def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
         assert table.names == ("M16",) and bolts.tightened == pytest.approx([9000.0], rel=1e-8)
         assert bolts.area == pytest.approx([WIDTH**2], rel=1e-9) and bolts.shortening > 0.0
         assert 9000.0 < bolts.force < 13000.0
-        assert pressed == pytest.approx(bolts.force - 4000.0, rel=1e-6)  # of the head: bolt, load and seats
+        assert pressed == pytest.approx(bolts.force - 4000.0, rel=1e-6)  # force on the head: bolt, load and seats
         fields, joint = read_fields(str(folder / "out" / "results.h5")), results.joint
         at = {number: u for number, u in zip(fields.mesh.numbers, fields.rest)}
         du = np.array([at[a] - at[b] for a, b in zip(joint.node1, joint.node2)])
@@ -75,20 +75,20 @@ def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
     on_root(comm, check)
 
 
-def test_a_bolt_that_is_pressed_at_rest_is_warned_of(comm, folder, program):
+def test_a_bolt_in_compression_at_rest_causes_a_warning(comm, folder, program):
     on_root(comm, lambda: (folder / "pressed.toml").write_text(SCENE.replace("4000.0]", "-9e4]")))
-    status, said, _ = program("run", folder / "pressed.toml", "--out", folder / "pressed", "--set", "response.points=2")
-    assert status == 0 and "WARNING: it is pressed at rest" in said
+    status, messages, _ = program("run", folder / "pressed.toml", "--out", folder / "pressed", "--set", "response.points=2")
+    assert status == 0 and "WARNING: it is pressed at rest" in messages
 
 
-def test_the_check_tells_and_finds_cuts(comm, folder, program):
+def test_the_check_reports_cuts_of_bolts(comm, folder, program):
     def write():
         (folder / "clamp.toml").write_text(SCENE)
         (folder / "outer.toml").write_text(SCENE.replace('group = "cut"', 'group = "head_top"'))
 
     on_root(comm, write)
-    status, said, _ = program("check", folder / "clamp.toml")
-    assert status == 0 and "bolt       M16: a cut of 0.0004 m2 with 9 nodes, across (0, 0, 1)" in said
+    status, messages, _ = program("check", folder / "clamp.toml")
+    assert status == 0 and "bolt       M16: a cut of 0.0004 m2 with 9 nodes, across (0, 0, 1)" in messages
     status, _, error = program("check", folder / "outer.toml")
     assert status == 2 and error.count("microslip: error: ") == 1 and "bolt 'M16': group 'head_top': 12 of 12 faces" in error
 
@@ -107,7 +107,7 @@ def test_the_check_tells_and_finds_cuts(comm, folder, program):
     ],
     ids=["no cut", "no force", "one cut twice"],
 )
-def test_a_bolt_that_is_none_is_refused_once(comm, folder, program, old, new, status, says):
+def test_an_invalid_bolt_is_rejected_with_one_message(comm, folder, program, old, new, status, says):
     def write():
         assert SCENE.count(old) == 1
         (folder / "bad.toml").write_text(SCENE.replace(old, new))
@@ -130,9 +130,9 @@ BAR = (
 )
 
 
-def test_a_tightened_bar_rings_like_one_that_is_colder(comm, folder):
-    """Between two walls E A alpha theta of cold and the same force of a bolt are the same stress, but where walls hinder the
-    cold bar from growing thin."""
+def test_a_tightened_bar_has_the_frequencies_of_a_colder_bar(comm, folder):
+    """Between two walls cooling by E A alpha theta and the same force of a bolt cause the same stress, except where walls hinder
+    the lateral contraction of the cold bar."""
 
     def write():
         half, cells = (0.1, 0.01, 0.01), (4, 1, 1)

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.ranks(1, 2)
 
 @pytest.fixture
 def program(comm, shared_path, program):
-    """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
+    """Return a function of the arguments after the scene's that returns status and messages of all ranks.  Collective."""
 
     def run(*arguments, write=lambda folder: write_bar(folder, modes=30)):
         path = on_root(comm, write, shared_path)
@@ -46,7 +46,7 @@ def test_all_methods_in_one_command(program, shared_path):
 
 
 @pytest.mark.ranks(1)
-def test_receptance_is_the_reference_where_full_does_not_fit(program, shared_path, monkeypatch):
+def test_receptance_is_the_reference_where_full_exceeds_the_memory(program, shared_path, monkeypatch):
     monkeypatch.setattr(compare, "LARGEST_REFERENCE", 100)
     status, _, _ = program("--methods", "adaptive")
     assert status == 0
@@ -57,7 +57,7 @@ def test_receptance_is_the_reference_where_full_does_not_fit(program, shared_pat
 
 
 @pytest.mark.ranks(1, 2)
-def test_too_few_modes_for_one_method_are_refused_before_any_runs(program):
+def test_too_few_modes_for_one_method_are_rejected_before_any_run(program):
     status, out, err = program("--methods", "receptance,rubin", write=lambda folder: write_bar(folder, modes=4))
     assert status == 2 and "[solver] modes = 4: without their joint the bodies have 6 rigid-body modes" in err
     assert "\nfactor of the stuck structure" in out and "\nreduction" not in out and "\nresponse" not in out
@@ -70,7 +70,7 @@ def test_an_unknown_method_is_named_once(program):
 
 
 @pytest.mark.ranks(1)
-def test_of_statics_the_displacement_is_compared(program, shared_path):
+def test_displacements_of_statics_are_compared(program, shared_path):
     system = scenes.spatial_mass()
     system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
 

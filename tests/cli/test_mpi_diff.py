@@ -1,4 +1,4 @@
-"""`diff` as it is started, and scenes that come back from results, on any number of ranks."""
+"""`diff` as started by a user, and scenes restored from results, on any number of ranks."""
 
 import json
 
@@ -12,7 +12,7 @@ from microslip.results.read import read_results
 
 @pytest.fixture
 def files(comm, shared_path):
-    """Three results, the last of another level."""
+    """Return three results, the last of another level."""
 
     def make():
         pairs = two_flanks(4, 1)
@@ -26,7 +26,7 @@ def files(comm, shared_path):
 
 
 @pytest.mark.ranks(2, 3)
-def test_status_0_of_the_same_and_1_of_others(program, files):
+def test_status_of_equal_and_different_results(program, files):
     a, b, c = files
     status, out, err = program("diff", a, b)
     assert (status, err) == (0, "") and out.count("the same: the curves are equal") == 1
@@ -37,7 +37,7 @@ def test_status_0_of_the_same_and_1_of_others(program, files):
 
 
 @pytest.mark.ranks(2)
-def test_a_scene_comes_back_from_its_results_and_gives_the_same(program, comm, shared_path):
+def test_a_scene_restored_from_results_gives_the_same_results(program, comm, shared_path):
     def make():
         write_mesh(shared_path / "lap.msh")
         (shared_path / "lap.toml").write_text(SCENE)

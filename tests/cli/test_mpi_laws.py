@@ -24,7 +24,7 @@ OF_LAP = SCENE[SCENE.index("friction = ") : SCENE.index("[[loads]]")]
 
 
 def write_chain(folder, **solver):
-    """Write the chain whose first pair is rough and whose second is an Iwan element, each in a joint of its own."""
+    """Write the chain whose first pair is rough and whose second is an Iwan element, each in a separate joint."""
     path = write_matrix_scene(
         folder, scenes.chain(), [30.0], (500.0, 640.0), at=OMEGAS, outputs=[6], points=15, harmonics=3, samples=64, **solver
     )
@@ -32,8 +32,8 @@ def write_chain(folder, **solver):
     for name, pair in (("first", first), ("second", second)):
         (folder / f"{name}.csv").write_text(f"{header}\n{pair}\n")
     joints = [
-        f'[[joints]]\nname = "{name}"\npairs = "{name}.csv"\n{own}\n'
-        for name, own in (("first", 'law = "rough"\nexponent = 3.0'), ("second", 'law = "iwan"\nchi = -0.6\nbeta = 0.5'))
+        f'[[joints]]\nname = "{name}"\npairs = "{name}.csv"\n{keys}\n'
+        for name, keys in (("first", 'law = "rough"\nexponent = 3.0'), ("second", 'law = "iwan"\nchi = -0.6\nbeta = 0.5'))
     ]
     text = path.read_text()
     old = text[text.index("[[joints]]") : text.index("[[loads]]")]
@@ -42,27 +42,27 @@ def write_chain(folder, **solver):
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_two_laws_in_one_scene_on_any_number_of_ranks(comm, shared_path):
+def test_two_laws_in_one_scene_agree_on_any_number_of_ranks(comm, shared_path):
     path = on_root(comm, write_chain, shared_path)
-    (together,) = branches_of(path, comm)
-    points = comm.bcast([(p.omega, p.response, p.energy, p.p, p.state) for p in requested(together)])
+    (on_all_ranks,) = branches_of(path, comm)
+    points = comm.bcast([(p.omega, p.response, p.energy, p.p, p.state) for p in requested(on_all_ranks)])
     folder = shared_path / f"alone{comm.rank}"
     folder.mkdir()
-    (alone,) = branches_of(write_chain(folder), MPI.COMM_SELF)
+    (on_one_rank,) = branches_of(write_chain(folder), MPI.COMM_SELF)
     assert len(points) == 2
-    for (omega, response, energy, p, state), own in zip(points, requested(alone)):
-        assert omega == own.omega and np.array_equal(state, own.state)
-        assert np.allclose(response, own.response, atol=1e-7 * np.abs(own.response).max())
-        assert np.all(energy > 0.0) and np.allclose(energy, own.energy, rtol=1e-5)
+    for (omega, response, energy, p, state), keys in zip(points, requested(on_one_rank)):
+        assert omega == keys.omega and np.array_equal(state, keys.state)
+        assert np.allclose(response, keys.response, atol=1e-7 * np.abs(keys.response).max())
+        assert np.all(energy > 0.0) and np.allclose(energy, keys.energy, rtol=1e-5)
         assert p.any(axis=(1, 2)).all()
 
 
 @pytest.mark.ranks(2, 3)
-def test_a_mesh_with_each_law_through_the_program(comm, shared_path, program):
+def test_the_program_runs_a_mesh_with_each_law(comm, shared_path, program):
     on_root(comm, write_mesh, shared_path / "lap.msh")
     peaks = {}
-    for name, own in (("rough", ROUGH), ("iwan", IWAN)):
-        text = SCENE.replace(OF_LAP, own + "\n")
+    for name, keys in (("rough", ROUGH), ("iwan", IWAN)):
+        text = SCENE.replace(OF_LAP, keys + "\n")
         for old, new in (("[10.0, 1000.0]", "[80.0, 110.0]"), ("[1.0]", "[0.3]"), ("points = 20", "points = 4")):
             text = text.replace(old, new)
         path = on_root(comm, lambda text=text, name=name: write(shared_path / f"{name}.toml", text))
@@ -103,14 +103,14 @@ def write(path, text):
 
 
 @pytest.mark.ranks(1)
-def test_directions_of_their_own_on_a_mesh(comm, shared_path):
-    """Stiffness and friction that differ by direction: another motion than with the first for both, or the second."""
-    own = 'friction = [0.05, 0.03]\ntangential_stiffness = [1.0e12, 4.0e11]\nfriction_limit = "separate"'
+def test_different_parameters_by_direction_on_a_mesh(comm, shared_path):
+    """With different stiffness and friction by direction the motion differs from that with either value for both directions."""
+    keys = 'friction = [0.05, 0.03]\ntangential_stiffness = [1.0e12, 4.0e11]\nfriction_limit = "separate"'
     plain = "friction = 0.05\ntangential_stiffness = 1.0e12\n"
     assert plain in BAR
     path = on_root(comm, write_bar, shared_path)
     text = comm.bcast(path.read_text() if comm.rank == 0 else None)
-    on_root(comm, lambda: write(path, text.replace(plain, own + "\n") + "modes = 8\n"))
+    on_root(comm, lambda: write(path, text.replace(plain, keys + "\n") + "modes = 8\n"))
     with microslip.build(microslip.read(path), comm) as structure:
         pairs = structure.pairs
         assert np.allclose(pairs.law_columns["k_ty"], 0.4 * pairs.k_t) and np.all(pairs.law_columns["mu_y"] == 0.03)
@@ -122,7 +122,7 @@ def test_directions_of_their_own_on_a_mesh(comm, shared_path):
 
 
 @pytest.mark.ranks(1, 2)
-def test_what_a_structure_cannot_change_is_refused(comm, shared_path):
+def test_parameters_that_a_law_does_not_have_are_rejected(comm, shared_path):
     on_root(comm, write_mesh, shared_path / "lap.msh")
     path = on_root(comm, lambda: write(shared_path / "lap.toml", SCENE.replace(OF_LAP, ROUGH + "\n")))
     with microslip.build(microslip.read(path), comm) as structure:

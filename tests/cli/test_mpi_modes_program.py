@@ -1,4 +1,4 @@
-"""`microslip modes`: frequencies, effective masses and shares of the joints against independent numbers, on any number of ranks."""
+"""`microslip modes`: frequencies, effective masses and shares of the joints compared with independent results; on any ranks."""
 
 import csv
 
@@ -34,7 +34,7 @@ def column(folder, name, file="modes.csv"):
 
 @pytest.fixture
 def bar(comm, shared_path, program):
-    """Return what to call with a folder's name and more of the command: the folder with the results.  Collective."""
+    """Return a function of a folder's name and further arguments that returns the folder with the results.  Collective."""
     path = on_root(comm, write_bar, shared_path)
 
     def run(name, *more):
@@ -46,7 +46,7 @@ def bar(comm, shared_path, program):
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_all_modes_together_have_the_mass_that_moves_and_the_stuck_frequencies(bar, comm, shared_path):
+def test_all_modes_have_the_whole_mass_and_the_stuck_frequencies(bar, comm, shared_path):
     folder, out = bar("all", "--count", N_DOF)
     assert "none is missing" in out
     for axis in "xyz":
@@ -57,7 +57,7 @@ def test_all_modes_together_have_the_mass_that_moves_and_the_stuck_frequencies(b
     structure.close()
 
 
-def test_the_share_of_a_joint_is_how_its_stiffness_moves_the_frequency(bar):
+def test_the_share_of_a_joint_is_the_sensitivity_of_the_frequency_to_its_stiffness(bar):
     share = column(bar("as_is")[0], "joint_joint_energy_percent") / 100.0
     assert len(share) == 12
     h = 2e-3
@@ -79,18 +79,18 @@ def test_the_share_of_a_joint_is_how_its_stiffness_moves_the_frequency(bar):
 
 
 @pytest.mark.pictures
-def test_a_mesh_gets_shapes_and_a_picture(bar):
+def test_modes_of_a_mesh_have_shapes_and_a_picture(bar):
     folder, out = bar("drawn", "--count", 3)
     assert {"modes.csv", "modes.log", "modes.png", "modes.vtkhdf"} == {file.name for file in folder.iterdir()}
     assert "none is missing" in out
 
 
-def test_matrices_have_frequencies_alone(comm, shared_path, program):
+def test_modes_of_matrices_have_frequencies_only(comm, shared_path, program):
     path = on_root(comm, write_matrix_scene, shared_path, scenes.spatial_mass(), [0.02], (1.0, 1.6))
     if comm.rank == 0:
         (shared_path / "out").mkdir()
         for name in ("campbell.csv", "campbell.png", "crossings.csv", "interference.png", "modes_diameter_02.vtkhdf"):
-            (shared_path / "out" / name).touch()  # of an earlier command
+            (shared_path / "out" / name).touch()  # file of an earlier command
     status, out, err = program("modes", path, "--out", shared_path / "out")
     assert (status, err) == (0, "") and "mass x" not in out
     assert {"modes.csv", "modes.log"} == {file.name for file in (shared_path / "out").iterdir()}
@@ -98,7 +98,7 @@ def test_matrices_have_frequencies_alone(comm, shared_path, program):
 
 
 def write_of_structure_alone(path):
-    """Write beside a scene the same without loads, outputs and [response], and without an engine order."""
+    """Write next to a scene the same scene without loads, outputs, [response] and engine order."""
     tables = read_scene(path).model_dump(exclude_unset=True)
     for name in ("loads", "outputs", "response"):
         del tables[name]
@@ -127,7 +127,7 @@ def test_modes_need_no_loads_outputs_or_range(comm, shared_path, program, kind):
     assert status == 2 and "[[loads]] is missing" in err and "[response] is missing" in err
 
 
-def test_more_modes_than_degrees_of_freedom_are_refused(comm, shared_path, program):
+def test_more_modes_than_degrees_of_freedom_are_rejected(comm, shared_path, program):
     path = on_root(comm, write_bar, shared_path)
     status, _, err = program("modes", path, "--out", shared_path / "out", "--count", N_DOF + 1)
     assert status == 2 and f"modes = {N_DOF + 1}" in err and str(N_DOF) in err
@@ -150,26 +150,26 @@ def write_beam(folder):
 
 
 @pytest.mark.pictures
-def test_the_families_of_a_spinning_beam_cross_where_spin_softening_says(comm, shared_path, program):
-    """Out of the plane and in it the beam stiffens alike; in the plane omega^2 is less by Omega^2: one passes the other."""
+def test_bending_families_of_a_spinning_beam_cross_by_spin_softening(comm, shared_path, program):
+    """Both families stiffen equally; in the plane omega^2 is less by Omega^2: one passes the other."""
     path, out = on_root(comm, write_beam, shared_path), shared_path / "out"
     status, _, err = program("modes", path, "--count", 2, "--speeds", "5,15,20,25,40,60", "--orders", "1,4", "--out", out)
     assert (status, err) == (0, "")
     speed, first, second = (column(out, name, "campbell.csv") for name in ("speed_rad_s", "family_1_Hz", "family_2_Hz"))
     assert speed == pytest.approx([5.0, 15.0, 20.0, 25.0, 40.0, 60.0])
-    apart = (2 * np.pi) ** 2 * (second**2 - first**2) + speed**2
-    assert apart == pytest.approx(np.full(6, apart[0]), rel=2e-2) and apart[0] > 0.0
+    split = (2 * np.pi) ** 2 * (second**2 - first**2) + speed**2
+    assert split == pytest.approx(np.full(6, split[0]), rel=2e-2) and split[0] > 0.0
     assert second[0] > first[0] and second[-1] < first[-1]
     met = {name: column(out, name, "crossings.csv") for name in ("family", "engine_order", "speed_rad_s", "frequency_Hz")}
     assert met["frequency_Hz"] == pytest.approx(met["engine_order"] * met["speed_rad_s"] / (2 * np.pi), rel=1e-8)
     assert (out / "campbell.png").exists()
 
 
-def test_engine_orders_meet_a_mode_that_stiffens_with_the_square_of_the_speed():
+def test_engine_orders_cross_a_mode_that_stiffens_with_the_square_of_the_speed():
     speed = np.array([10.0, 30.0, 70.0])
     squares = 400.0 + 1.7 * speed**2
     met = crossings(Campbell(speed, np.sqrt(squares)[None] / (2 * np.pi)), (1, 2, 3))
-    expected = {order: np.sqrt(400.0 / (order**2 - 1.7)) for order in (2, 3)}  # order 1 stays below
+    expected = {order: np.sqrt(400.0 / (order**2 - 1.7)) for order in (2, 3)}  # order 1 does not reach the mode
     assert {crossing.order: crossing.speed for crossing in met if crossing.speed > 10.0} == pytest.approx(
         {order: value for order, value in expected.items() if 10.0 <= value <= 70.0}
     )
@@ -186,7 +186,7 @@ def test_engine_orders_meet_a_mode_that_stiffens_with_the_square_of_the_speed():
         (("--count", "none"), "'none' is not a number of at least 1"),
     ],
 )
-def test_what_no_speed_or_order_is_has_one_message(comm, shared_path, program, more, said):
+def test_invalid_speeds_and_orders_are_rejected_with_one_message(comm, shared_path, program, more, said):
     path = on_root(comm, write_bar, shared_path)
     status, _, err = program("modes", path, "--out", shared_path / "out", *more)
     assert status == 2 and said in err and "Traceback" not in err

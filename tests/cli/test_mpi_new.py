@@ -1,4 +1,4 @@
-"""From a model file to a first curve by `new`, `check` and `run`, on any number of ranks; what is wrong is said once."""
+"""From a model file to a first curve by `new`, `check` and `run`, on any number of ranks; faults are reported once."""
 
 import re
 
@@ -12,7 +12,7 @@ from microslip.results.read import read_results
 
 @pytest.fixture
 def model(shared_path, comm):
-    """The model file, without names for the two sides that touch."""
+    """Return the model file, without names for the two sides in contact."""
     whole = plain()
     on_root(comm, lambda: (shared_path / "m.inp").write_text(inp(whole)))
     return shared_path / "m.inp"
@@ -45,25 +45,25 @@ bodies = ["PLATE-1.ALL", "BAR-1.ALL"]
 
 
 @pytest.mark.ranks(1)
-def test_from_new_to_a_curve_by_names_and_by_bodies(comm, program, model, shared_path):
+def test_new_check_and_run_by_names_and_by_bodies(comm, program, model, shared_path):
     scene, out = shared_path / "first.toml", shared_path / "out"
-    status, said, _ = program("new", model, "--out", scene)
-    assert status == 0 and said.count("BAR_BOTTOM on PLATE_TOP: 3 faces on 3, 0.0005 m2, touching, node to node") == 1
+    status, messages, _ = program("new", model, "--out", scene)
+    assert status == 0 and messages.count("BAR_BOTTOM on PLATE_TOP: 3 faces on 3, 0.0005 m2, touching, node to node") == 1
     status, _, error = program("check", scene)
     assert status == 2 and "and tangential_stiffness, normal_stiffness and preload\n" in error
     edit(comm, scene, *QUICK)
-    status, said, _ = program("check", scene, "--out", out)
-    assert status == 0 and "joint      BAR_BOTTOM_PLATE_TOP: 8 pairs on 0.0005 m2" in said and "picture " in said
+    status, messages, _ = program("check", scene, "--out", out)
+    assert status == 0 and "joint      BAR_BOTTOM_PLATE_TOP: 8 pairs on 0.0005 m2" in messages and "picture " in messages
     peaks, slips = [], []
     for changes in ((), ((r"^\[\[joints\]\]", BY_BODIES), (r'"BAR_BOTTOM", "PLATE_TOP"', '"up", "low"'))):
         edit(comm, scene, *changes)
-        status, said, error = program("run", scene, "--out", out)
+        status, messages, error = program("run", scene, "--out", out)
         assert status == 0, error
         peaks.append(on_root(comm, lambda: np.abs(read_results(str(out / "results.h5")).levels[0].response).max()))
-        (slip,) = re.findall(r"by the linear peak, pairs slip from about (\S+) N", said)
+        (slip,) = re.findall(r"by the linear peak, pairs slip from about (\S+) N", messages)
         slips.append(slip)
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9) and peaks[0] > 0.0 and slips[0] == slips[1]
-    assert "surface 'up': 3 faces of 'BAR-1.ALL' on 'PLATE-1.ALL', 0.0005 m2" in said
+    assert "surface 'up': 3 faces of 'BAR-1.ALL' on 'PLATE-1.ALL', 0.0005 m2" in messages
     assert on_root(comm, lambda: (out / "mesh.png").stat().st_size) > 10_000
 
 
@@ -80,19 +80,19 @@ FIXED = (
 
 @pytest.mark.ranks(1)
 def test_a_fixed_interface_step_does_not_hold_the_joint(comm, program, shared_path):
-    """From such a file `new` leads to pairs that move, as its second step does; as it is the joint is refused."""
+    """From such a file `new` writes a scene with free pairs, as its second step does; unchanged, the joint is rejected."""
     on_root(comm, lambda: (shared_path / "m.inp").write_text(inp(plain(), FIXED)))
     scene, out = shared_path / "first.toml", shared_path / "out"
-    status, said, _ = program("new", shared_path / "m.inp", "--out", scene)
-    assert status == 0 and "left out: BAR_BOTTOM (xyz), PLATE_TOP (xyz), which fix both sides of a joint" in said
+    status, messages, _ = program("new", shared_path / "m.inp", "--out", scene)
+    assert status == 0 and "left out: BAR_BOTTOM (xyz), PLATE_TOP (xyz), which fix both sides of a joint" in messages
     edit(comm, scene, *QUICK)
     peaks = []
     for changes in ((), ((r"^step = 1", "step = 2"), (r"^take = .*\n", ""), (r"^\[\[supports\]\]\ngroup.*\nfix.*\n", ""))):
         edit(comm, scene, *changes)
-        status, said, error = program("check", scene)
+        status, messages, error = program("check", scene)
         assert status == 0, error
-        assert "WARNING" not in said and ("held: " not in said) and "PLATE_BASE: x, y, z" in said
-        assert said.count("*FREQUENCY, PERTURBATION") == 2
+        assert "WARNING" not in messages and ("held: " not in messages) and "PLATE_BASE: x, y, z" in messages
+        assert messages.count("*FREQUENCY, PERTURBATION") == 2
         assert program("run", scene, "--out", out)[0] == 0
         peaks.append(on_root(comm, lambda: np.abs(read_results(str(out / "results.h5")).levels[0].response).max()))
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-12)
@@ -106,7 +106,7 @@ def test_a_fixed_interface_step_does_not_hold_the_joint(comm, program, shared_pa
 
 
 def test_all_faults_of_a_scene_are_reported_in_one_check(comm, program, shared_path):
-    """What has to be answered, a tie and a joint of faces that do not touch, an output without a node: one message, status 2."""
+    """An open question, a tie and a joint of faces without contact, an output without a node: one message, status 2."""
     on_root(comm, lambda: (shared_path / "m.inp").write_text(inp(plain(), ("*Gap, elset=D", "0.1"))))
     scene = shared_path / "first.toml"
     assert program("new", shared_path / "m.inp", "--out", scene)[0] == 0
@@ -118,9 +118,9 @@ def test_all_faults_of_a_scene_are_reported_in_one_check(comm, program, shared_p
     assert re.search(r"(?s)error: 4 faults:\n  1\. .*\*GAP.*\n  2\. .*joint .*\n  3\. .*tie .*\n  4\. .*node = 99999", error)
 
 
-def test_a_model_file_is_checked_and_a_scene_kept(comm, program, model, shared_path):
-    status, said, _ = program("check", model)
-    assert status == 0 and said.count("model      ") == 1 and "supports   PLATE_BASE: x, y, z" in said
+def test_a_model_file_is_checked_and_a_scene_is_not_overwritten(comm, program, model, shared_path):
+    status, messages, _ = program("check", model)
+    assert status == 0 and messages.count("model      ") == 1 and "supports   PLATE_BASE: x, y, z" in messages
     on_root(comm, lambda: (shared_path / "mine.toml").write_text("mine"))
     status, _, error = program("new", model, "--out", shared_path / "mine.toml")
     assert status == 2 and error.count("microslip: error: ") == 1 and "is not overwritten" in error

@@ -1,4 +1,4 @@
-"""What run.log says was not computed, as a user reads it; and what was.  The first test on one and two ranks."""
+"""The list in run.log of quantities that were not computed, as read by a user.  The first test on one and two ranks."""
 
 from itertools import takewhile
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ SCALED = "no pair leaves sticking anywhere on its linear curve: scaled, not solv
 
 
 def run(program, scene, *options):
-    """Run a scene into a folder out beside it.  Collective."""
+    """Run a scene into the folder `out` next to it.  Collective."""
     status, _, err = program("run", scene, "--out", scene.with_name("out"), *options)
     assert (status, err) == (0, "")
 
@@ -34,7 +34,7 @@ def not_computed(path) -> list[str]:
 
 
 @pytest.mark.ranks(1, 2)
-def test_the_level_that_sticks_is_scaled_and_the_other_solved(comm, shared_path, program):
+def test_a_sticking_level_is_scaled_and_another_is_solved(comm, shared_path, program):
     def write():
         return write_matrix_scene(shared_path, scenes.spatial_mass(), [0.02, 0.4], (1.0, 1.6), outputs=[0], points=8)
 
@@ -53,7 +53,7 @@ def test_the_level_that_sticks_is_scaled_and_the_other_solved(comm, shared_path,
 
 
 @pytest.mark.parametrize(("bar", "is_estimate"), [(0.1, True), (30.0, False)])
-def test_a_bar_above_the_amplitude_is_said_to_be_no_estimate(bar, is_estimate):
+def test_an_error_bar_above_the_amplitude_is_no_estimate(bar, is_estimate):
     error = np.full((1, len(PARTS)), bar / SAFETY)
     points = [SimpleNamespace(response=np.array([[0.0, 1.0, 0.0]]), error=error)]
     says = changes([SimpleNamespace(points=points, level=2.0)], "harmonics")
@@ -61,7 +61,7 @@ def test_a_bar_above_the_amplitude_is_said_to_be_no_estimate(bar, is_estimate):
     assert ("no estimate" in says) != is_estimate
 
 
-def test_no_static_column_where_nothing_slips(tmp_path, program):
+def test_without_slip_no_static_column_is_computed(tmp_path, program):
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.01, 0.02], (1.0, 1.6), outputs=[0], points=8, accuracy=1e-3)
     run(program, tmp_path / "scene.toml")
     said = not_computed(tmp_path / "out" / "run.log")
@@ -69,7 +69,7 @@ def test_no_static_column_where_nothing_slips(tmp_path, program):
     assert "Newton iterations at 0.01, 0.02 N: no pair leaves sticking, the linear response is scaled" in said
 
 
-def test_a_scene_without_joint_has_no_contact_at_all(tmp_path, program):
+def test_a_scene_without_joint_has_no_contact(tmp_path, program):
     for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
     (tmp_path / "free.toml").write_text(
@@ -84,7 +84,7 @@ def test_a_scene_without_joint_has_no_contact_at_all(tmp_path, program):
 
 
 @pytest.mark.parametrize("direction, begins", [("up", 5.0), ("down", 15.0)])
-def test_statics_without_a_joint_are_one_point_a_level(tmp_path, program, monkeypatch, direction, begins):
+def test_statics_without_a_joint_have_one_point_per_level(tmp_path, program, monkeypatch, direction, begins):
     monkeypatch.setattr("microslip.results.draw.draw_share", draw_share)
     for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
@@ -103,7 +103,7 @@ def test_statics_without_a_joint_are_one_point_a_level(tmp_path, program, monkey
 
 
 @pytest.mark.parametrize("asks", [True, False])
-def test_what_is_lost_is_told_by_the_error_bars(tmp_path, program, asks):
+def test_the_effect_of_omitted_harmonics_is_estimated_by_the_error_bars(tmp_path, program, asks):
     write_matrix_scene(
         tmp_path, scenes.chain(), [0.3, 100.0], (500.0, 600.0), outputs=[6], points=8, harmonics=1, error_bars=asks
     )
@@ -121,7 +121,7 @@ def test_what_is_lost_is_told_by_the_error_bars(tmp_path, program, asks):
         assert "error bars: off in [solver]" in said
 
 
-def test_harmonics_that_a_list_leaves_out_are_named(tmp_path, program):
+def test_harmonics_omitted_from_a_list_are_named(tmp_path, program):
     write_matrix_scene(
         tmp_path, scenes.chain(), [100.0], (500.0, 600.0), outputs=[6], points=8, harmonics=[1, 3], error_bars=False
     )
@@ -130,7 +130,7 @@ def test_harmonics_that_a_list_leaves_out_are_named(tmp_path, program):
     assert "solution in harmonics 0, 2 and above 3: the effect is unknown without error bars" in said
 
 
-def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path, program):
+def test_a_linear_response_has_no_truncated_harmonics(tmp_path, program):
     write_matrix_scene(tmp_path, scenes.chain(), [0.3], (500.0, 600.0), outputs=[6], points=8, harmonics=3)
     run(program, tmp_path / "scene.toml")
     said = not_computed(tmp_path / "out" / "run.log")
@@ -144,7 +144,7 @@ def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path, program):
         ("rubin", {}, "response outside the basis of method rubin"),
     ],
 )
-def test_what_a_method_leaves_out_is_told(tmp_path, program, method, own, lost):
+def test_quantities_omitted_by_a_method_are_listed(tmp_path, program, method, own, lost):
     write_matrix_scene(tmp_path, scenes.chain(), [10.0], (500.0, 600.0), outputs=[6], points=8, method=method, modes=4, **own)
     run(program, tmp_path / "scene.toml")
     line = next(line for line in not_computed(tmp_path / "out" / "run.log") if line.startswith(lost))

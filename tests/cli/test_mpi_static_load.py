@@ -1,4 +1,4 @@
-"""A static load that no friction holds, from the scene to the message."""
+"""A static load above the friction limit, from the scene to the message."""
 
 import csv
 
@@ -11,7 +11,7 @@ from microslip.parallel.agree import on_root
 
 
 def sliders(n_pairs):
-    """Return bodies that nothing but a friction pair each holds in x; the first is pushed."""
+    """Return bodies held in x only by a friction pair each; the first body is pushed."""
     K = np.diag([0.0, 1.0, 1.0] * n_pairs)
     pairs = [[3 * i, 3 * i + 1, 3 * i + 2, -1, -1, -1] for i in range(n_pairs)]
     first = np.eye(len(K))[0]
@@ -25,7 +25,7 @@ def sliders(n_pairs):
 @pytest.mark.ranks(1, 2)
 @pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
 @pytest.mark.parametrize("n_pairs", [1, 2])
-def test_a_static_load_beyond_all_friction_is_named(comm, shared_path, program, n_pairs):
+def test_a_static_load_above_the_friction_limit_is_reported(comm, shared_path, program, n_pairs):
     def write():
         return write_matrix_scene(shared_path, sliders(n_pairs), [0.3, 5.0], (0.5, 2.0), outputs=[0], points=4, harmonics=0)
 

@@ -1,4 +1,4 @@
-"""Stopped by a signal or before a time limit: one message, status 5 on all ranks, and every point in the files."""
+"""Runs stopped by a signal or before a time limit: one message, status 5 on all ranks, and every point in the files."""
 
 import json
 import os
@@ -26,7 +26,7 @@ def scene(comm, shared_path):
 
 @pytest.fixture
 def at_point_3(comm, monkeypatch):
-    """Return what to call with something that is to happen on the way to point 3, on rank 0."""
+    """Return a function that arranges an event during point 3, on rank 0."""
 
     def set_up(happens):
         numbers = iter(range(1000))
@@ -48,19 +48,19 @@ def points(out):
         return np.loadtxt(out / "frf.csv", delimiter=",", skiprows=1, usecols=2), level["frequency_Hz"][:], level.attrs["status"]
 
 
-def test_sigusr1_saves_and_goes_on(program, scene, comm, shared_path, at_point_3, monkeypatch):
-    kept, save = [], Stops._save_in_time
+def test_sigusr1_saves_and_the_run_continues(program, scene, comm, shared_path, at_point_3, monkeypatch):
+    saved_in_time, save = [], Stops._save_in_time
 
     def saves(self):
         save(self)
-        kept.append(points(shared_path / "out"))
+        saved_in_time.append(points(shared_path / "out"))
 
     monkeypatch.setattr(Stops, "_save_in_time", saves)
     at_point_3(lambda: os.kill(os.getpid(), signal.SIGUSR1))
     status, _, err = program("run", scene, "--out", shared_path / "out")
     assert (status, err) == (0, "")
     if comm.rank == 0:
-        ((table, saved, state),) = kept
+        ((table, saved, state),) = saved_in_time
         assert state == "running" and 3 <= len(saved) <= 5 and np.allclose(saved, table)
         table, saved, state = points(shared_path / "out")
         assert state == "complete" and len(saved) == len(table) > 5
@@ -89,7 +89,7 @@ def test_the_time_limit_stops_all_ranks_before_its_end(program, scene, comm, sha
         assert state == "complete" and len(whole) > len(saved) and np.allclose(whole[: len(saved)], saved, rtol=1e-9)
 
 
-def test_the_time_limit_stops_groups_too(program, scene, comm, shared_path, at_point_3, monkeypatch):
+def test_the_time_limit_stops_groups(program, scene, comm, shared_path, at_point_3, monkeypatch):
     at_point_3(lambda: monkeypatch.setattr("microslip.observe.stops.LEAST_MARGIN", 1e6))
     more = ("--set", "response.levels=[10.0,20.0,30.0]", "--groups", comm.size)
     status, _, err = program("run", scene, *more, "--walltime", "60m", "--out", shared_path / "out")
@@ -100,7 +100,7 @@ def test_the_time_limit_stops_groups_too(program, scene, comm, shared_path, at_p
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_stops_with_every_point_saved(program, scene, shared_path, at_point_3, number):
     at_point_3(lambda: [signal.raise_signal(each) for each in (number, signal.SIGTERM)])
-    inherited = signal.signal(number, signal.SIG_DFL)  # under nohup SIGHUP is ignored, and the program leaves it so
+    inherited = signal.signal(number, signal.SIG_DFL)  # under nohup SIGHUP is ignored, and the program does not change that
     status, _, err = program("run", scene, "--out", shared_path / "out")
     signal.signal(number, inherited)
     assert status == 5 and err.count(f"microslip: error: stopped by {number.name}; what was computed until then is in") == 1
@@ -108,7 +108,7 @@ def test_a_signal_stops_with_every_point_saved(program, scene, shared_path, at_p
     assert state == "running" and len(saved) >= 2 and np.allclose(saved, table)
 
 
-def test_a_folder_in_use_is_refused_on_all_ranks(program, scene, comm, shared_path):
+def test_a_folder_in_use_is_rejected_on_all_ranks(program, scene, comm, shared_path):
     out = shared_path / "out"
     if comm.rank == 0:
         out.mkdir()
@@ -129,6 +129,6 @@ def test_a_folder_in_use_is_refused_on_all_ranks(program, scene, comm, shared_pa
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("text", ["0", "soon", "1h1d", "-3"])
-def test_a_time_that_is_none(program, scene, text):
+def test_an_invalid_time_limit_is_rejected(program, scene, text):
     status, _, err = program("run", scene, f"--walltime={text}")
     assert status == 2 and f"argument --walltime: '{text}' is not a time above 0" in err

@@ -1,4 +1,4 @@
-"""`microslip sweep`: table, arrays with named axes, parts of a job array, what an earlier run left, messages; on any number of ranks."""
+"""`microslip sweep`: table, arrays with named axes, parts of a job array, continued sweeps, messages; on any number of ranks."""
 
 import csv
 
@@ -15,7 +15,7 @@ FRICTION, STIFFNESS = "joints.joint.friction", "joints.joint.tangential_stiffnes
 
 @pytest.fixture
 def scene(comm, shared_path):
-    """One mass on a Jenkins element, stuck at its level."""
+    """Return the scene of one mass on a Jenkins element that sticks at its level."""
     system = scenes.jenkins_mass()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
@@ -36,8 +36,8 @@ def rows_of(folder):
 @pytest.mark.ranks(1, 2)
 def test_a_grid_has_a_table_and_arrays_with_named_axes(comm, scene, program, shared_path):
     out = shared_path / "out"
-    status, said, err = program("sweep", scene, "--set", f"{FRICTION}=0.5,0.8", "--set", "level=0.3:0.6:3:log", "--out", out)
-    assert (status, err) == (0, "") and "6 samples, grid 2 x 3" in said
+    status, messages, err = program("sweep", scene, "--set", f"{FRICTION}=0.5,0.8", "--set", "level=0.3:0.6:3:log", "--out", out)
+    assert (status, err) == (0, "") and "6 samples, grid 2 x 3" in messages
     rows = rows_of(out)
     assert [row["status"] for row in rows] == ["done"] * 6
     with h5py.File(out / "sweep.h5") as file:
@@ -50,50 +50,50 @@ def test_a_grid_has_a_table_and_arrays_with_named_axes(comm, scene, program, sha
     on_root(comm, lambda: (out / "peak_map.png").stat().st_size)
 
 
-def test_parts_and_what_an_earlier_run_left_make_the_same_table(comm, scene, program, shared_path):
-    """A part of a job array, the other one, and a whole run cut short: each sample is computed once, and the table is one."""
-    asked = "--scatter", f"{FRICTION}=10", "--scatter", "level=20:uniform", "--samples", "4", "--seed", "3"
+def test_parts_and_continued_sweeps_give_the_same_table(comm, scene, program, shared_path):
+    """A part of a job array, the other part, and an interrupted run: each sample is computed once, and the tables are equal."""
+    arguments = "--scatter", f"{FRICTION}=10", "--scatter", "level=20:uniform", "--samples", "4", "--seed", "3"
     whole, parts = shared_path / "whole", shared_path / "parts"
-    assert program("sweep", scene, *asked, "--out", whole)[0] == 0
-    status, said, _ = program("sweep", scene, *asked, "--part", "1/2", "--out", parts)
-    assert status == 0 and "2 of 4 samples are not computed yet" in said
+    assert program("sweep", scene, *arguments, "--out", whole)[0] == 0
+    status, messages, _ = program("sweep", scene, *arguments, "--part", "1/2", "--out", parts)
+    assert status == 0 and "2 of 4 samples are not computed yet" in messages
     assert [row["status"] for row in rows_of(parts)] == ["done", "missing", "done", "missing"]
-    assert program("sweep", scene, *asked, "--part", "2/2", "--out", parts)[0] == 0
+    assert program("sweep", scene, *arguments, "--part", "2/2", "--out", parts)[0] == 0
 
     def cut():
         path = next((whole / "samples").glob("*.jsonl"))
         path.write_bytes(path.read_bytes()[:-40])
 
     on_root(comm, cut)
-    status, said, _ = program("sweep", scene, *asked, "--out", whole)
-    assert status == 0 and "3 of them were computed by an earlier run" in said
-    status, said, _ = program("sweep", scene, *asked, "--out", parts)
-    assert status == 0 and "4 of them were computed" in said
-    for one, other in zip(rows_of(whole), rows_of(parts), strict=True):
+    status, messages, _ = program("sweep", scene, *arguments, "--out", whole)
+    assert status == 0 and "3 of them were computed by an earlier run" in messages
+    status, messages, _ = program("sweep", scene, *arguments, "--out", parts)
+    assert status == 0 and "4 of them were computed" in messages
+    for first, second in zip(rows_of(whole), rows_of(parts), strict=True):
         for name in ("amplitude_m", "frequency_Hz", "width_Hz", "damping", "friction_J"):
-            assert float(one[name]) == pytest.approx(float(other[name]), rel=1e-5, nan_ok=True), name
+            assert float(first[name]) == pytest.approx(float(second[name]), rel=1e-5, nan_ok=True), name
 
 
 @pytest.mark.ranks(1)
 @pytest.mark.pictures
-def test_indices_curves_and_numbers_one_by_one(comm, scene, program, shared_path):
-    out, alone = shared_path / "out", shared_path / "alone"
-    asked = "--scatter", f"{FRICTION}=5", "--scatter", "level=5", "--design", "indices", "--samples", "2", "--curves"
-    status, said, _ = program("sweep", scene, *asked, "--out", out)
-    assert status == 0 and "percentiles of the samples" in said
+def test_indices_curves_and_one_at_a_time_designs(comm, scene, program, shared_path):
+    out, separate = shared_path / "out", shared_path / "alone"
+    arguments = "--scatter", f"{FRICTION}=5", "--scatter", "level=5", "--design", "indices", "--samples", "2", "--curves"
+    status, messages, _ = program("sweep", scene, *arguments, "--out", out)
+    assert status == 0 and "percentiles of the samples" in messages
     with h5py.File(out / "sweep.h5") as file:
         curves, peaks = file["curve"][:], file["amplitude"][:]
         assert curves.shape == (8, 201) and (np.nanmax(curves, axis=1) <= peaks * (1.0 + 1e-6)).all()
     with (out / "indices.csv").open(newline="") as file:
         assert [row["key"] for row in csv.DictReader(file)] == [FRICTION, "level"]
     one_by_one = "--set", f"{FRICTION}=0.9,1.1", "--set", "level=0.3,0.5", "--one-by-one"
-    status, said, _ = program("sweep", scene, *one_by_one, "--out", alone)
-    assert status == 0 and "level from 0.3 to 0.5: peak from" in said
-    names = on_root(comm, lambda: {path.name for folder in (out, alone) for path in folder.glob("*.png")})
+    status, messages, _ = program("sweep", scene, *one_by_one, "--out", separate)
+    assert status == 0 and "level from 0.3 to 0.5: peak from" in messages
+    names = on_root(comm, lambda: {path.name for folder in (out, separate) for path in folder.glob("*.png")})
     assert {"indices.png", "bands.png", "tornado.png", "scatter.png"} <= names
     assert program("sweep", scene, "--set", f"{FRICTION}=0.9,1.1", "--out", out)[0] == 0
-    left = on_root(comm, lambda: {path.name for path in out.iterdir()})  # those of the first sweep are gone
-    assert "sweep.png" in left and left.isdisjoint({"indices.csv", "indices.png", "bands.png", "scatter.png"})
+    names_left = on_root(comm, lambda: {path.name for path in out.iterdir()})  # files of the first sweep are deleted
+    assert "sweep.png" in names_left and names_left.isdisjoint({"indices.csv", "indices.png", "bands.png", "scatter.png"})
 
 
 @pytest.mark.ranks(1, 2)
@@ -102,7 +102,7 @@ def test_a_sample_that_fails_ends_with_status_3_after_the_others(comm, scene, pr
     on_root(comm, lambda: table.write_text(f"# factors\n{STIFFNESS}, level\n0.9, 0.4\n1e3, 0.4\n1.0, -2\n-1, 0.4\n"))
     status, _, err = program("sweep", scene, "--table", table, "--out", out)
     assert status == 2 and "2 of 4 samples are outside what the scene allows" in err and "levels" in err
-    status, said, err = program("sweep", scene, "--table", table, "--outside", "skip", "--out", out)
+    status, messages, err = program("sweep", scene, "--table", table, "--outside", "skip", "--out", out)
     assert status == 3 and "1 of 4 samples have no peak" in err and "sample 1" in err
     assert [row["status"] for row in rows_of(out)] == ["done", "failed", "outside", "outside"]
 
@@ -130,7 +130,7 @@ def test_a_sample_that_fails_ends_with_status_3_after_the_others(comm, scene, pr
         ("--set level=1,2 --part 3/2", "'3/2' is not I/N"),
     ],
 )
-def test_what_makes_no_sense_is_refused(scene, program, shared_path, options, says):
+def test_invalid_options_of_a_sweep_are_rejected(scene, program, shared_path, options, says):
     status, _, err = program("sweep", scene, *options.split(), "--out", shared_path / "out")
     assert status == 2 and says in err and "Traceback" not in err
 
@@ -147,7 +147,7 @@ def test_what_makes_no_sense_is_refused(scene, program, shared_path, options, sa
         ("", "the columns have no names"),
     ],
 )
-def test_a_table_that_is_none_is_refused(scene, program, shared_path, text, says):
+def test_an_invalid_table_is_rejected(scene, program, shared_path, text, says):
     (shared_path / "table.csv").write_text(text)
     status, _, err = program("sweep", scene, "--table", shared_path / "table.csv", "--out", shared_path / "out")
     assert status == 2 and says in err

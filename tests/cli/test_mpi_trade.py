@@ -37,7 +37,7 @@ frequencies = [0.1, 0.3]
 
 
 def write_mass(folder):
-    """One mass on a spring and a friction element."""
+    """Write the scene of one mass on a spring and a friction element."""
     for name, value in (("K", 1.0), ("M", 1.0)):
         (folder / f"{name}.mtx").write_text(f"%%MatrixMarket matrix coordinate real symmetric\n1 1 1\n1 1 {value}\n")
     (folder / "pairs.csv").write_text("x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n0,-1,-1,-1,-1,-1,1.0,1.0,0.0,1.0,1.0\n")
@@ -48,9 +48,9 @@ def write_mass(folder):
 
 @pytest.fixture
 def program(comm, shared_path, program, monkeypatch):
-    """Return what to call with the writer of a scene and arguments: status and what was said on all ranks.  Collective.
+    """Return a function of the writer of a scene and arguments that returns status and messages of all ranks.  Collective.
 
-    A level has few points, and the reference few rungs; its seconds are the processor's, which others at work do not take.
+    A level has few points, and the reference few refinements; seconds are processor time, which other processes do not change.
     """
     monkeypatch.setattr(bench, "time", SimpleNamespace(perf_counter=time.process_time, process_time=time.process_time))
     for name, value in (("POINTS", 8), ("RUNGS", (3, 7, 15)), ("MOST_SAMPLES", 1024)):
@@ -70,7 +70,7 @@ def rows(folder):
 @pytest.mark.ranks(1, 2, 3)
 @pytest.mark.pictures
 def test_one_mass_from_scene_to_choices(program, shared_path, comm):
-    seconds = "5" if comm.size == 1 else "1.5"  # several ranks on few processors may not come so far, however many
+    seconds = "5" if comm.size == 1 else "1.5"  # several ranks on few processors may end earlier
     status, out, err = program(write_mass, "--seconds", seconds, "--vary", "harmonics,samples", "--levels", "0.8")
     assert (status, err) == (0, "")
     entries = [entry for entry in rows(shared_path) if not entry["failure"]]
@@ -111,7 +111,7 @@ def test_every_parameter_of_a_scene_with_a_mesh_and_another_mesh(program, shared
     assert "meshes, against the finest" in out
 
 
-def test_without_a_joint_nothing_is_to_trade(program):
+def test_a_scene_without_a_joint_is_rejected(program):
     def write(folder):
         path = write_mass(folder)
         path.write_text(MASS.replace('[[joints]]\nname = "slider"\npairs = "pairs.csv"\n', ""))
@@ -124,7 +124,7 @@ def test_without_a_joint_nothing_is_to_trade(program):
 @pytest.mark.study
 @pytest.mark.ranks(1)
 def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
-    """Two bodies that bend, three meshes of them, the finest of quadratic elements: found in the order of their size."""
+    """Two bodies in bending, three meshes of them, the finest of quadratic elements: ordered by size."""
     kinds = {"coarse": ("hex8", 2), "finer": ("hex8", 4), "finest": ("hex20", 4)}
 
     def write(folder):
@@ -149,7 +149,7 @@ def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
 
 
 def with_mass(*changes):
-    """Return a writer of the one mass with parts of its scene replaced."""
+    """Return a writer of the scene of one mass with some parts replaced."""
 
     def write(folder):
         path, text = write_mass(folder), MASS
@@ -179,12 +179,12 @@ def with_mass(*changes):
         ),
     ],
 )
-def test_a_scene_without_vibration_in_harmonic_1_is_refused(program, changes, message):
+def test_a_scene_without_vibration_in_harmonic_1_is_rejected(program, changes, message):
     status, _, err = program(with_mass(*changes))
     assert status == 2 and err.count(message) == 1
 
 
-def test_an_output_that_does_not_move_is_refused(program):
+def test_an_output_without_motion_is_rejected(program):
     def write(folder):
         path = with_mass(("[[outputs]]", '[[outputs]]\nname = "still"\ndof = 1\n[[outputs]]'))(folder)
         for name in ("K", "M"):
@@ -196,7 +196,7 @@ def test_an_output_that_does_not_move_is_refused(program):
 
 
 @pytest.mark.ranks(1)
-def test_without_slip_modes_alone_are_traded_of_what_was_asked(program, shared_path):
+def test_without_slip_only_modes_are_varied(program, shared_path):
     status, out, err = program(write_bar, "--levels", "0.001", "--seconds", "60", "--vary", "harmonics,modes,samples")
     assert (status, err) == (0, "")
     assert out.count("no pair slips or opens at 0.001 N: the response is linear") == 1
@@ -211,7 +211,7 @@ def test_without_slip_modes_alone_are_traded_of_what_was_asked(program, shared_p
     assert len(by_modes) > 2 and by_modes[min(by_modes)] > 10.0 * by_modes[max(by_modes)]
 
 
-def test_without_slip_parameters_that_change_nothing_are_refused(program):
+def test_without_slip_parameters_without_effect_are_rejected(program):
     status, _, err = program(write_mass, "--levels", "0.02", "--vary", "harmonics,samples")
     assert status == 2
     assert err.count("--vary harmonics,samples: no pair slips or opens at 0.02 N, and of a linear response none") == 1

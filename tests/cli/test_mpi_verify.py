@@ -20,7 +20,7 @@ pytestmark = pytest.mark.ranks(1, 2)
 
 @pytest.fixture
 def program(comm, shared_path, program):
-    """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
+    """Return a function of the arguments after the scene's that returns status and messages of all ranks.  Collective."""
 
     def run(*arguments, system=scenes.chain, levels=(0.5, 20.0), frequencies=(390.0, 590.0), **own):
         own = own or {"points": 24, "harmonics": 5, "samples": 64}
@@ -48,7 +48,7 @@ def rows(folder):
 @pytest.mark.ranks(2, 3)
 @pytest.mark.pictures
 def test_two_pairs_on_any_number_of_ranks(program, shared_path):
-    """Two pairs: of three ranks one has none."""
+    """With two pairs, one of three ranks has none."""
     status, out, err = program()
     assert (status, err) == (0, "")
     table = rows(shared_path)
@@ -67,8 +67,8 @@ def test_two_pairs_on_any_number_of_ranks(program, shared_path):
 
 
 @pytest.mark.ranks(1)
-def test_curves_of_a_scene_with_accuracy_are_as_good_as_it_asks(program, shared_path):
-    """Harmonics, samples and points follow from the error bars, which the curves of verify need as those of run do."""
+def test_curves_of_a_scene_with_accuracy_have_the_requested_accuracy(program, shared_path):
+    """Harmonics, samples and points follow from the error bars, in verify as in run."""
     difference = {}
     for accuracy in (0.1, 1e-2):
         status, out, err = program("--levels", "20", "--at", "66,68", "--steps", "64", points=16, accuracy=accuracy)
@@ -81,7 +81,7 @@ def test_curves_of_a_scene_with_accuracy_are_as_good_as_it_asks(program, shared_
 
 
 @pytest.mark.ranks(1)
-def test_more_harmonics_and_frequencies_as_asked(program, shared_path):
+def test_harmonics_and_frequencies_can_be_requested(program, shared_path):
     status, _, _ = program("--at", "66", "--levels", "20", "--harmonics", "1", "--samples", "64")
     assert status == 0
     few = rows(shared_path)
@@ -89,14 +89,14 @@ def test_more_harmonics_and_frequencies_as_asked(program, shared_path):
     assert [row["peak"] for row in few] == [""]  # a point of the flank
     program("--at", "66", "--levels", "20", "--harmonics", "5", "--samples", "64")
     many = rows(shared_path)
-    for one, other in zip(few, many):
-        assert float(other["time_integration_m"]) == pytest.approx(float(one["time_integration_m"]), rel=2e-3)
+    for of_few, of_many in zip(few, many):
+        assert float(of_many["time_integration_m"]) == pytest.approx(float(of_few["time_integration_m"]), rel=2e-3)
     assert max(float(row["difference_with_phase"]) for row in many) < 0.5 * max(
         float(row["difference_with_phase"]) for row in few
     )
 
 
-def test_what_contradicts_the_scene_is_named_once(program):
+def test_options_that_contradict_the_scene_are_rejected_with_one_message(program):
     for arguments, message in (
         (("--at", "3"), "/scene.toml: [response]: at holds 3 Hz, outside frequencies = [62.0704, 93.9014]"),
         (
@@ -111,7 +111,7 @@ def test_what_contradicts_the_scene_is_named_once(program):
 
 @pytest.mark.ranks(1)
 @pytest.mark.pictures
-def test_a_point_that_comes_to_no_steady_state_is_said_and_the_rest_kept(program, shared_path, monkeypatch):
+def test_a_point_without_steady_state_is_reported_and_the_others_are_written(program, shared_path, monkeypatch):
     monkeypatch.setattr(verify, "MOST_PERIODS", 1)
     monkeypatch.setattr(verify, "ACCEPTED", 1e-9)
     status, _, err = program("--levels", "20")
@@ -120,7 +120,7 @@ def test_a_point_that_comes_to_no_steady_state_is_said_and_the_rest_kept(program
 
 
 @pytest.mark.ranks(1)
-def test_from_rest_it_comes_to_the_same(program, shared_path):
+def test_time_integration_from_rest_has_the_same_steady_state(program, shared_path):
     """One mass on a Jenkins element that slips in every cycle."""
     of_jenkins = {"system": scenes.jenkins_mass, "levels": (0.8,), "frequencies": (1.1, 1.4)}
     values = []
@@ -136,8 +136,8 @@ def test_from_rest_it_comes_to_the_same(program, shared_path):
 @pytest.mark.study
 @pytest.mark.pictures
 @pytest.mark.ranks(1)  # one pair: a second rank would only wait
-def test_small_disturbances_grow_as_the_multipliers_say(program, shared_path):
-    """A mass before a stop between its two folds: two stable states and one that is not, the middle one."""
+def test_growth_of_small_disturbances_agrees_with_the_multipliers(program, shared_path):
+    """A mass with a stop between its two folds: two stable states and an unstable one, the middle one."""
     mass = {"system": scenes.gap_mass, "levels": (0.2,), "frequencies": (1.05, 1.4), "points": 12, "harmonics": 9, "samples": 256}
     status, out, _ = program("--disturbed", "--at", f"{1.25 / (2.0 * np.pi)!r}", "--steps", "256", **mass)
     assert status == 0 and "agree with the Floquet multipliers at 3 of 3 points" in out
@@ -148,7 +148,7 @@ def test_small_disturbances_grow_as_the_multipliers_say(program, shared_path):
 
 
 @pytest.mark.ranks(1)
-def test_a_structure_without_contact_is_verified_and_run_too(comm, shared_path, capfd):
+def test_a_structure_without_contact_is_run_and_verified(comm, shared_path, capfd):
     def write():
         for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
             scipy.io.mmwrite(shared_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
@@ -167,8 +167,8 @@ def test_a_structure_without_contact_is_verified_and_run_too(comm, shared_path, 
 
 
 @pytest.mark.ranks(2)
-def test_a_step_without_solution_fails_its_point_alone(program, shared_path, monkeypatch):
-    """Where the batch stops, points are marched one by one."""
+def test_a_step_without_solution_fails_only_its_point(program, shared_path, monkeypatch):
+    """Where the batch fails, points are marched one by one."""
     period = March.period
 
     def stops(march, *arguments):

@@ -1,4 +1,4 @@
-"""What ends one rank ends the job: within ten seconds, with its cause on standard error, and no rank left behind."""
+"""A failure of one rank ends the job within ten seconds, with its cause on standard error, and no rank remains."""
 
 import os
 import signal
@@ -19,7 +19,7 @@ AFTER = 10.0  # s
 
 
 def left_behind(folder, until):
-    """Return the processes that still work in a folder when a time has come."""
+    """Return the processes that still work in a folder at a given time."""
     while (computed := at_work(folder)) and time.monotonic() < until:
         time.sleep(0.1)
     return computed
@@ -33,7 +33,7 @@ def at_work(folder):
             try:
                 if os.readlink(entry / "cwd") == str(folder):
                     values.append(entry.name)
-            except OSError:  # it has ended, or is not ours
+            except OSError:  # it has ended, or belongs to another user
                 continue
     return values
 
@@ -42,11 +42,11 @@ def at_work(folder):
     "moment, fault, rank, status, cause",
     [
         ("point:3", "kill", 1, {137}, "process rank 1 with PID"),
-        # mpirun tells the end by PETSc's handler, or the signal where that is seen first
+        # mpirun reports the end by PETSc's handler, or the signal if that is detected first
         ("stage:modes", "segfault", 0, {59, 139}, "Fatal Python error: Segmentation fault"),
     ],
 )
-def test_two_ranks_end(tmp_path, moment, fault, rank, status, cause):
+def test_a_failure_of_one_rank_ends_both(tmp_path, moment, fault, rank, status, cause):
     write_bar(tmp_path)
     done = microslip_with(moment, fault, rank, "run", "bar.toml", "--out", "out", ranks=2, cwd=tmp_path)
     assert done.status in status and cause in done.err
@@ -54,7 +54,7 @@ def test_two_ranks_end(tmp_path, moment, fault, rank, status, cause):
     assert left_behind(tmp_path, time.monotonic() + AFTER - done.after) == []
 
 
-def test_a_signal_to_mpirun_reaches_the_ranks_which_save(tmp_path):
+def test_a_signal_to_mpirun_is_passed_to_the_ranks_which_save(tmp_path):
     write_bar(tmp_path)
     slowly = "response.points=20000"
     command = [MPIRUN, "--oversubscribe", "-n", "2", sys.executable, "-m", "microslip", "run", "bar.toml", "--out", "out"]
@@ -69,11 +69,11 @@ def test_a_signal_to_mpirun_reaches_the_ranks_which_save(tmp_path):
             time.sleep(0.05)
         os.kill(job.pid, signal.SIGTERM)
         began = time.monotonic()
-        said = job.communicate(timeout=LIMIT)[1]
+        messages = job.communicate(timeout=LIMIT)[1]
     finally:
         job.kill()
     assert job.returncode != 0 and time.monotonic() - began < AFTER
-    assert said.count("microslip: error: stopped by SIGTERM; what was computed until then is in out") == 1
+    assert messages.count("microslip: error: stopped by SIGTERM; what was computed until then is in out") == 1
     with h5py.File(tmp_path / "out" / "results.h5") as file:
         saved = file["levels/0000/frequency_Hz"][:]
         assert file["levels/0000"].attrs["status"] == "running"

@@ -1,4 +1,4 @@
-"""A NumPy of the user's own that does not fit PETSc is named with what to do, before pages of text are."""
+"""A user's NumPy that does not match PETSc is reported with a remedy, instead of pages of text."""
 
 import importlib
 import site
@@ -10,7 +10,7 @@ from microslip.program import doctor
 
 
 class ForAnotherNumPy:
-    """The petsc4py.lib of a PETSc that was built for another NumPy."""
+    """The petsc4py.lib of a PETSc built for another NumPy."""
 
     @staticmethod
     def ImportPETSc():
@@ -26,7 +26,7 @@ def other_numpy(monkeypatch, tmp_path):
     return tmp_path
 
 
-def test_of_the_variable(monkeypatch, other_numpy):
+def test_a_numpy_of_pythonpath_is_reported(monkeypatch, other_numpy):
     monkeypatch.setenv("PYTHONPATH", f"/elsewhere:{other_numpy}")
     assert doctor.faults("h5py") == (
         f"numpy: version {numpy.__version__} in {other_numpy / 'numpy'} is not the one that PETSc was built for: "
@@ -36,13 +36,13 @@ def test_of_the_variable(monkeypatch, other_numpy):
     assert not is_well and "take that folder out of PYTHONPATH" in lines[1] and not any("scipy" in line for line in lines)
 
 
-def test_of_the_home(monkeypatch, other_numpy):
+def test_a_numpy_of_the_home_folder_is_reported(monkeypatch, other_numpy):
     monkeypatch.delenv("PYTHONPATH", raising=False)
     monkeypatch.setattr(site, "ENABLE_USER_SITE", True)
     monkeypatch.setattr(site, "getusersitepackages", lambda: str(other_numpy))
     assert doctor.faults().endswith("start with PYTHONNOUSERSITE=1 in the environment, or pip uninstall numpy")
 
 
-def test_of_another_place(monkeypatch, other_numpy):
+def test_a_numpy_of_another_folder_is_no_fault(monkeypatch, other_numpy):
     monkeypatch.delenv("PYTHONPATH", raising=False)
     assert doctor.faults("mpirun") is None

@@ -1,4 +1,4 @@
-"""The program as it is started: one message on any number of ranks, the promised status, no traceback, no hang."""
+"""The program as started by a user: one message on any number of ranks, the documented status, no traceback, no hang."""
 
 import importlib.util
 
@@ -10,12 +10,12 @@ import microslip as package
 from microslip.program import doctor
 
 
-def test_it_knows_its_version():
+def test_the_program_prints_its_version():
     done = microslip("--version")
     assert (done.returncode, done.stdout) == (0, f"microslip {package.__version__}\n")
 
 
-def test_two_ranks_say_once_what_is_wrong(tmp_path):
+def test_two_ranks_report_a_fault_once(tmp_path):
     write_scene(tmp_path, "friction =", "friktion =")
     done = microslip("run", "fan.toml", ranks=2, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
@@ -24,7 +24,7 @@ def test_two_ranks_say_once_what_is_wrong(tmp_path):
     assert not (tmp_path / "results").exists()
 
 
-def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path, program, monkeypatch):
+def test_a_run_writes_its_results_and_reports_an_unused_option(tmp_path, program, monkeypatch):
     write_mesh(tmp_path / "lap.msh")
     short = SCENE.replace("[10.0, 1000.0]", "[80.0, 110.0]").replace("[1.0]", "[0.3]").replace("points = 20", "points = 5")
     (tmp_path / "lap.toml").write_text(short)
@@ -44,29 +44,29 @@ def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path, pr
     assert (status, err) == (0, "")
     others = {path.name for path in (tmp_path / "others").iterdir()}
     assert others == set(out.replace("others/", "").split()) >= {"results.unv", "results.mat", "motion_0000.vtkhdf"}
-    status, _, said = program("report", file, "--out", "page")
+    status, _, messages = program("report", file, "--out", "page")
     if importlib.util.find_spec("plotly") is None:
-        assert status == 2 and said.count("microslip: error: report needs plotly") == 1
+        assert status == 2 and messages.count("microslip: error: report needs plotly") == 1
     else:
         assert status == 0 and (tmp_path / "page" / "report.html").stat().st_size < 10e6
 
 
-def test_check_leaves_modes_to_an_accuracy(tmp_path, program):
+def test_check_reports_that_modes_are_chosen_by_the_accuracy(tmp_path, program):
     write_mesh(tmp_path / "lap.msh")
     (tmp_path / "lap.toml").write_text(SCENE.replace("modes = 5", "accuracy = 1e-2"))
     status, out, _ = program("check", tmp_path / "lap.toml")
     assert status == 0 and "modes      number chosen at run time for [solver] accuracy = 0.01\n" in out
 
 
-def test_the_doctor_finds_this_machine_well():
+def test_the_doctor_reports_no_fault_on_this_machine():
     done = microslip("doctor")
     assert done.returncode == 0
     assert all(part.name in done.stdout for part in doctor.PARTS)
     assert done.stdout.endswith("nothing is missing\n")
 
 
-def test_the_doctor_says_how_mumps_is_called(monkeypatch):
-    """A bridge that is not there is no fault; a wrong value of the variable is one."""
+def test_the_doctor_reports_the_interface_to_mumps(monkeypatch):
+    """A missing bridge is no fault; a wrong value of the variable is one."""
     monkeypatch.delenv("MICROSLIP_MUMPS", raising=False)
     assert any(line.startswith("  mumps") and "through the program's bridge" in line for line in doctor.examine()[0])
     with monkeypatch.context() as patch:
@@ -77,7 +77,7 @@ def test_the_doctor_says_how_mumps_is_called(monkeypatch):
     assert "MICROSLIP_MUMPS=none" in doctor.faults("mumps")
 
 
-def test_the_doctor_names_what_is_missing_and_what_brings_it(monkeypatch):
+def test_the_doctor_names_a_missing_package_and_its_installation(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     lines, is_well = doctor.examine()
     assert not is_well
@@ -85,14 +85,14 @@ def test_the_doctor_names_what_is_missing_and_what_brings_it(monkeypatch):
     assert "h5py: missing" in doctor.faults()
 
 
-def test_a_package_of_which_only_a_part_is_there_is_refused(monkeypatch):
+def test_a_partially_installed_package_is_reported(monkeypatch):
     modules = __import__("sys").modules
     monkeypatch.setitem(modules, "h5py", type(modules[__name__])("h5py"))
     assert "h5py: only a part of it is installed: sudo apt-get install python3-h5py-mpi python3-h5py" in doctor.faults("h5py")
 
 
-def test_the_doctor_names_what_was_built_for_another_numpy(monkeypatch):
-    """As compiled packages say where NumPy is another one than theirs: by a ValueError."""
+def test_the_doctor_names_a_package_built_for_another_numpy(monkeypatch):
+    """Compiled packages raise a ValueError with another NumPy than theirs."""
 
     def refuse():
         raise ValueError("numpy.dtype size changed, may indicate binary incompatibility")
@@ -112,6 +112,6 @@ def test_the_doctor_notes_formats_that_are_not_read(monkeypatch):
     assert is_well and any("without pyNastran Nastran's files are not read: " in line for line in lines)
 
 
-def test_complex_numbers_are_refused(monkeypatch):
+def test_petsc_with_complex_numbers_is_rejected(monkeypatch):
     monkeypatch.setattr(doctor, "_is_real", lambda PETSc: False)
     assert "petsc4py: built with complex numbers, real ones are needed: sudo apt-get" in doctor.faults("petsc4py")

@@ -1,4 +1,4 @@
-"""Standard streams that are closed, full or no longer read: one message, the status of the problem, no traceback."""
+"""Standard streams that are closed, full or not read: one message, the status of the problem, no traceback."""
 
 import os
 import subprocess
@@ -17,25 +17,25 @@ def scene(tmp_path):
 
 
 def shell(line: str, cwd, **variables) -> subprocess.CompletedProcess:
-    """Run a line of bash, in which ``microslip`` is the program; the status is that of the first command of a pipe."""
+    """Run a line of bash, in which ``microslip`` is the program; return the status of the first command of a pipe."""
     program = f'microslip() {{ "{sys.executable}" -m microslip "$@"; }}; {line}; exit ${{PIPESTATUS[0]}}'
     env = environment(1) | variables
     return subprocess.run(["bash", "-c", program], cwd=cwd, env=env, capture_output=True, text=True, timeout=LIMIT, check=False)
 
 
-def test_output_that_nobody_reads_stops_a_run(scene):
+def test_a_closed_pipe_of_the_output_stops_a_run(scene):
     done = shell(f"microslip run {scene} --out out | head -c 1", scene.parent)
     assert done.returncode == 5 and done.stderr.strip().endswith("the reader of the output went away")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 @pytest.mark.parametrize("command", ["check scene.toml", "diff results.h5 results.h5 --help"])
-def test_full_output(scene, command):
+def test_a_full_disk_of_the_output_is_reported(scene, command):
     done = shell(f"microslip {command} > /dev/full", scene.parent)
     assert done.returncode == 4 and "No space left on device" in done.stderr and "Traceback" not in done.stderr
 
 
-def test_closed_streams(scene):
+def test_closed_streams_do_not_change_the_status(scene):
     wrong = shell("microslip check absent.toml >&-", scene.parent)
     assert wrong.returncode == 2 and "absent.toml" in wrong.stderr and "Traceback" not in wrong.stderr
     done = shell(f"microslip run {scene} --out out 2>&-", scene.parent)
@@ -45,14 +45,14 @@ def test_closed_streams(scene):
 @pytest.mark.parametrize(
     "variables", [{"PYTHONIOENCODING": "latin-1"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
 )
-def test_encodings_that_lack_letters(scene, variables):
+def test_encodings_without_some_letters_do_not_stop_a_run(scene, variables):
     odd = scene.with_name("Ωmega.toml")
     odd.write_bytes(scene.read_bytes())
     done = shell(f"microslip run {odd.name} --out out", scene.parent, **variables)
     assert done.returncode == 0, done.stderr
 
 
-def test_a_scene_whose_name_is_no_text(scene):
+def test_a_scene_whose_file_name_is_no_text_runs(scene):
     odd = os.fsencode(scene.parent) + b"/sc\xff.toml"
     with open(odd, "wb") as file:
         file.write(scene.read_bytes())
