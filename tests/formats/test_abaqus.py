@@ -1,4 +1,4 @@
-"""Input files of Abaqus and CalculiX: parts, includes, sets, surfaces, properties and connections, findings, and what is damaged."""
+"""Input files of Abaqus and CalculiX: parts, includes, sets, surfaces, properties, connections, findings and damaged files."""
 
 import contextlib
 import os
@@ -36,7 +36,7 @@ STEEL = """*MATERIAL, NAME=Steel
 7.85e-9
 *SOLID SECTION, ELSET=CUBE, MATERIAL=STEEL
 """
-# the cube again, 2 above it, and a reference node
+# a second cube above the cube, and a reference node
 TWICE = """*NODE
 11, 0, 0, 1
 12, 1, 0, 1
@@ -66,7 +66,7 @@ def read(tmp_path, text, name="job.inp"):
 
 
 def numbers(model, group):
-    """Return the numbers of a group's own nodes."""
+    """Return the numbers of the nodes of a group."""
     return model.numbers[model.groups[group].nodes].tolist()
 
 
@@ -96,7 +96,7 @@ all_of_it, S2
 """
 
 
-def test_instances_are_moved_then_turned_and_named_as_outside(tmp_path):
+def test_instances_are_translated_then_rotated_and_prefix_their_names(tmp_path):
     model = read(tmp_path, PART + TWO)
     assert model.numbers.tolist() == [*range(1, 9), *range(11, 19), 21]
     np.testing.assert_allclose(model.points[8:12], [[10, 0, 0], [10, 1, 0], [9, 1, 0], [9, 0, 0]], atol=1e-12)
@@ -108,7 +108,7 @@ def test_instances_are_moved_then_turned_and_named_as_outside(tmp_path):
     assert any("raised by 10" in fact for fact in model.facts)
 
 
-def test_numbers_that_are_unique_stay_and_one_instance_is_named_plainly_too(tmp_path):
+def test_unique_numbers_are_preserved_and_a_single_instance_needs_no_prefix(tmp_path):
     only = TWO[: TWO.index("*INSTANCE, NAME=two")] + "*NODE\n50, 0., 0., 5.\n*END ASSEMBLY\n"
     model = read(tmp_path, PART + only)
     assert model.numbers.tolist() == [*range(1, 9), 50]
@@ -128,12 +128,12 @@ def test_numbers_that_are_unique_stay_and_one_instance_is_named_plainly_too(tmp_
         ("*NODE\n1, 1.D0, 2.d-1, 3.\n", (1, 0.2, 3)),
     ],
 )
-def test_coordinates_in_systems_of_their_own(tmp_path, text, point):
+def test_coordinates_in_local_systems(tmp_path, text, point):
     model = read(tmp_path, text + CUBE.replace("1, 0, 0, 0\n", "", 1))
     np.testing.assert_allclose(model.points[0], point, atol=1e-12)
 
 
-def test_includes_follow_the_folder_of_the_file_and_data_may_stand_alone(tmp_path):
+def test_includes_are_relative_to_the_folder_of_the_file_and_may_hold_data_lines_only(tmp_path):
     (tmp_path / "parts").mkdir()
     lines = CUBE.splitlines()
     (tmp_path / "parts" / "nodes.txt").write_text("\n".join(lines[1:5]) + "\n** a comment\n" + "\n".join(lines[5:9]))
@@ -145,12 +145,12 @@ def test_includes_follow_the_folder_of_the_file_and_data_may_stand_alone(tmp_pat
     assert unknown.where == "parts/rest.inp, line 2" and unknown.changes and "not known" in unknown.effect
 
 
-def test_elements_take_lines_until_they_have_their_nodes(tmp_path):
+def test_elements_continue_on_further_lines_until_all_nodes_are_read(tmp_path):
     spread = CUBE.replace("1, 1, 2, 3, 4, 5, 6, 7, 8\n", "1, 1, 2, 3, 4,\n5, 6, 7, 8, 9, 10,\n2, 8, 7, 6, 5, 4, 3, 2, 1, 77,\n")
     assert read(tmp_path, spread).cells[0].nodes.tolist() == [list(range(8)), list(range(7, -1, -1))]
 
 
-def test_surfaces_of_faces_of_the_outside_and_of_nodes(tmp_path):
+def test_surfaces_of_element_faces_free_faces_and_nodes(tmp_path):
     more = "*SURFACE, NAME=outside\n,\n*SURFACE, NAME=low, TYPE=NODE\n1, \n2,\n*SURFACE, NAME=of_set\nCUBE,\n"
     stacked = CUBE + TWICE.replace("11, 12, 13, 14, 15", "5, 6, 7, 8, 15")
     model = read(tmp_path, stacked + more)
@@ -158,7 +158,7 @@ def test_surfaces_of_faces_of_the_outside_and_of_nodes(tmp_path):
     assert count["outside"] == 10 and count["of_set"] == 5 and numbers(model, "low") == [1, 2]
 
 
-def test_a_body_for_each_section_and_integration(tmp_path):
+def test_each_section_and_integration_has_a_body(tmp_path):
     text = CUBE + TWICE + "*ELSET, ELSET=EVERY\nCUBE, SECOND\n" + STEEL.replace("ELSET=CUBE", "ELSET=EVERY")
     model = read(tmp_path, text + "*EXPANSION\n1.2e-5\n")
     assert model.materials == {"Steel": Material.of_file(young=210000.0, poisson=0.3, density=7.85e-9, expansion=1.2e-5)}
@@ -167,23 +167,23 @@ def test_a_body_for_each_section_and_integration(tmp_path):
         "EVERY C3D8R": Body.of_file(group="EVERY C3D8R", material="Steel"),
     }
     assert "*ELEMENT, TYPE=C3D8R" in words(model, changes=False) and words(model) == []
-    assert [each.is_taken for each in model.findings if each.word == "*ELEMENT, TYPE=C3D8R"] == [True]
+    assert [finding.is_taken for finding in model.findings if finding.word == "*ELEMENT, TYPE=C3D8R"] == [True]
 
 
-def test_supports_of_the_first_vibration(tmp_path):
+def test_supports_are_those_of_the_first_frequency_step(tmp_path):
     steps = "*STEP\n*STATIC\n*BOUNDARY\n5, 3\n*END STEP\n*STEP\n*FREQUENCY\n2\n*BOUNDARY, OP={op}\nALL, YSYMM\n*END STEP\n"
     steps += "*STEP\n*STATIC\n*BOUNDARY\nALL, ENCASTRE\n*END STEP\n"
     text = CUBE + "*BOUNDARY\n1, 1, 2\n2, 1, 2\n" + steps
-    kept = (
+    expected = (
         Support.of_file(group="*BOUNDARY xy", fix=("x", "y")),
         Support.of_file(group="*BOUNDARY z", fix=("z",)),
         Support.of_file(group="ALL", fix=("y",)),
     )
-    assert read(tmp_path, text.format(op="MOD")).supports == kept
-    assert read(tmp_path, text.format(op="NEW")).supports == kept[2:]
+    assert read(tmp_path, text.format(op="MOD")).supports == expected
+    assert read(tmp_path, text.format(op="NEW")).supports == expected[2:]
 
 
-def test_a_group_of_a_support_holds_no_other_nodes(tmp_path):
+def test_the_group_of_a_support_has_only_the_supported_nodes(tmp_path):
     text = CUBE + "*NSET, NSET=CUBE\n1, 2\n*BOUNDARY\nCUBE, PINNED\n" + STEEL
     model = read(tmp_path, text)
     assert [support.group for support in model.supports] == ["CUBE (nodes)"]
@@ -218,8 +218,8 @@ FRONT, BACK, 2, 10
 """
 
 
-def test_nodes_and_elements_that_are_made_of_others(tmp_path):
-    """*NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY: a box of 4 x 2 x 1 elements, and it again above, a quarter of a turn about z."""
+def test_nodes_and_elements_are_generated_from_others(tmp_path):
+    """*NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY make a box of 4 x 2 x 1 elements, and a copy above it, rotated 90 degrees about z."""
     model = read(tmp_path, GENERATED)
     at = {int(number): point for number, point in zip(model.numbers, model.points, strict=True)}
     expected = {1 + i + 10 * j + 100 * k: (i, j, 1.5 * k) for i in range(5) for j in range(3) for k in range(2)}
@@ -232,8 +232,8 @@ def test_nodes_and_elements_that_are_made_of_others(tmp_path):
         rows |= {int(number): model.numbers[nodes].tolist() for number, nodes in zip(cells.numbers, cells.nodes, strict=True)}
         assert (elements.jacobian_minimum(cells.kind, model.points[cells.nodes]) > 0.0).all()
     corner = np.array([1, 2, 12, 11, 101, 102, 112, 111])
-    made = {1 + i + 10 * j: (corner + i + 10 * j).tolist() for i in range(4) for j in range(2)}
-    assert rows == made | {number + 1000: [node + 1000 for node in nodes] for number, nodes in made.items()}
+    generated = {1 + i + 10 * j: (corner + i + 10 * j).tolist() for i in range(4) for j in range(2)}
+    assert rows == generated | {number + 1000: [node + 1000 for node in nodes] for number, nodes in generated.items()}
     assert {int(number) for number in model.numbers[model.groups["FRONT"].nodes]} == {1, 2, 3, 4, 5}
     assert {int(number) for number in model.numbers[model.groups["FLOOR"].nodes]} == {n for n in expected if n < 100}
 
@@ -248,16 +248,16 @@ def test_nodes_along_an_arc_about_a_centre(tmp_path):
 
 
 @pytest.mark.parametrize("expansion, changes", [("", False), ("*EXPANSION\n1e-5\n", True)])
-def test_a_temperature_that_is_held_is_no_displacement(tmp_path, expansion, changes):
-    """Degree of freedom 11: it holds nothing, and loads what expands."""
+def test_a_prescribed_temperature_is_no_support(tmp_path, expansion, changes):
+    """Degree of freedom 11 supports no node; it changes the answer only if a material expands."""
     material = STEEL.replace("*SOLID", f"{expansion}*SOLID")
     model = read(tmp_path, CUBE + "*BOUNDARY\n1, 1, 3\n2, 11, 11, 80.\n" + material)
-    (finding,) = (one for one in model.findings if one.word == "*BOUNDARY")
+    (finding,) = (finding for finding in model.findings if finding.word == "*BOUNDARY")
     assert finding.effect.startswith("a temperature") and finding.changes == changes
     assert [support.fix for support in model.supports] == [("x", "y", "z")]
 
 
-def test_supports_in_axes_of_the_nodes_become_equations(tmp_path):
+def test_supports_in_nodal_axes_become_equations(tmp_path):
     text = CUBE + "*TRANSFORM, NSET=ALL, TYPE=C\n0.5, -1, 0, 0.5, -1, 1\n*BOUNDARY\n1, 1\n2, 1, 3\n3, 2\n"
     model = read(tmp_path, text)
     assert model.supports == (Support.of_file(group="*BOUNDARY xyz", fix=("x", "y", "z")),)
@@ -301,29 +301,29 @@ def test_nodes_connected_to_a_reference_node(tmp_path, card):
     (point,) = model.connected
     assert point.connection == ("distributing" if "DISTR" in card else "rigid") and point.name == "node 99"
     assert numbers(model, point.group) == [15, 16, 17, 18]
-    said = [one.effect for one in model.findings if not one.changes and one.word == "*DISTRIBUTING COUPLING"]
-    assert len(said) == ("DISTR" in card) and not any("DCOUP3D" in one.word for one in model.findings)
-    level = read(
+    notes = [finding.effect for finding in model.findings if not finding.changes and finding.word == "*DISTRIBUTING COUPLING"]
+    assert len(notes) == ("DISTR" in card) and not any("DCOUP3D" in finding.word for finding in model.findings)
+    coplanar = read(
         tmp_path, CUBE + TWICE.replace("99, 0.5, 0.5, 3", "99, .5, .5, 2") + "*NSET, NSET=UPPER\n15, 16, 17, 18\n" + card
     )
-    assert not any(one.word == "*DISTRIBUTING COUPLING" for one in level.findings)
+    assert not any(finding.word == "*DISTRIBUTING COUPLING" for finding in coplanar.findings)
 
 
 def test_missing_coordinates_are_zero(tmp_path):
-    """As CalculiX reads them, in its own beam10p.inp; with a note where lines differ."""
-    whole, short = CUBE.replace("1, 0, 0, 0", "1, 0., 0., 0."), CUBE
+    """As in CalculiX, whose example beam10p.inp has such lines; a note reports lines of different length."""
+    complete_text, short = CUBE.replace("1, 0, 0, 0", "1, 0., 0., 0."), CUBE
     for line, fewer in (("1, 0, 0, 0", "1, 0, 0"), ("2, 1, 0, 0", "2, 1.")):
         assert line in CUBE
         short = short.replace(line, fewer)
-    model, plainly = read(tmp_path, short), read(tmp_path, whole)
-    np.testing.assert_array_equal(model.points, plainly.points)
-    notes = [one.effect for one in model.findings if one.word == "*NODE" and not one.changes]
+    model, complete_lines = read(tmp_path, short), read(tmp_path, complete_text)
+    np.testing.assert_array_equal(model.points, complete_lines.points)
+    notes = [finding.effect for finding in model.findings if finding.word == "*NODE" and not finding.changes]
     assert notes == ["2 lines hold fewer coordinates than others; the missing ones are 0, as in CalculiX"]
-    assert not [one for one in plainly.findings if one.word == "*NODE"]
+    assert not [finding for finding in complete_lines.findings if finding.word == "*NODE"]
 
 
 def test_weights_of_a_distributing_coupling(tmp_path):
-    """Stated weights replace areas, in the order of node numbers; one that is no positive number is refused."""
+    """Stated weights replace areas, in the order of node numbers; a weight that is not positive is refused."""
     card = "*NSET, NSET=UPPER\n15, 16\n*ELEMENT, TYPE=DCOUP3D, ELSET=D\n77, 99\n*DISTRIBUTING COUPLING, ELSET=D\n"
     for lines, weights in (
         ("18, 4.\nUPPER, 1.\n17, 2.\n", (1.0, 1.0, 2.0, 4.0)),
@@ -352,7 +352,7 @@ def test_springs_and_masses(tmp_path):
     assert [(numbers(model, mass.group), mass.mass) for mass in model.masses] == [([3], 4.0)]
 
 
-def test_dampers_stand_beside_springs(tmp_path):
+def test_dampers_are_springs_with_damping(tmp_path):
     more = "*ELEMENT, TYPE=DASHPOT1, ELSET=feet\n21, 1\n*DASHPOT, ELSET=feet\n3\n5.\n"
     more += "*ELEMENT, TYPE=DASHPOTA, ELSET=rod\n23, 7, 99\n*DASHPOT, ELSET=rod\n\n7.\n"
     more += "*ELEMENT, TYPE=DASHPOT2, ELSET=link\n24, 5, 11\n*DASHPOT, ELSET=link\n1, 1\n9.\n"
@@ -373,7 +373,7 @@ def test_dampers_stand_beside_springs(tmp_path):
         "*DASHPOT, ELSET=rod, NONLINEAR\n\n7., 1.\n",
     ],
 )
-def test_dampers_that_are_not_linear_change_the_answer(tmp_path, card):
+def test_nonlinear_dampers_change_the_answer(tmp_path, card):
     model = read(tmp_path, CUBE + STEEL + TWICE + "*ELEMENT, TYPE=DASHPOTA, ELSET=rod\n23, 7, 99\n" + card)
     (word,) = (word for word in words(model) if "DASHPOT" in word)
     assert word == ("*DASHPOT, NONLINEAR" if "NON" in card else "*DASHPOT") and model.springs == ()
@@ -405,30 +405,31 @@ def test_absurd_counts_take_no_memory_and_no_time(tmp_path):
     model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n2, 9000000000000, 3\n" + doubled)
     assert numbers(model, "n") == [2, 5, 8] and numbers(model, "s0") == [1]
     assert any(
-        "'n' names 2999999999997 nodes that the file does not hold, the first is 11" in one.effect for one in model.findings
+        "'n' names 2999999999997 nodes that the file does not hold, the first is 11" in finding.effect
+        for finding in model.findings
     )
 
 
-def test_what_a_set_names_beside_the_file_is_said(tmp_path):
+def test_missing_members_of_sets_are_reported(tmp_path):
     model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n7, 12\n*ELSET, ELSET=e\n1, 2\n")
     assert numbers(model, "n") == [7, 8] and len(model.groups["e"].cells[0]) == 1
-    assert [one.effect for one in model.findings if one.word in ("*NSET", "*ELSET")] == [
+    assert [finding.effect for finding in model.findings if finding.word in ("*NSET", "*ELSET")] == [
         "'e' names 1 elements that the file does not hold, the first is 2",
         "'n' names 4 nodes that the file does not hold, the first is 9",
     ]
 
 
-def test_equations_of_sets_and_in_axes_of_nodes(tmp_path):
+def test_equations_between_sets_and_between_nodes(tmp_path):
     more = "*NSET, NSET=A\n5, 6\n*NSET, NSET=B\n11, 12\n*EQUATION\n2\nA, 1, 1., B, 1, -1.\n3\n7, 2, 1., 8, 2, -.5,\n99, 2, -.5\n"
-    matrix = read(tmp_path, CUBE + TWICE + more).equations
-    assert matrix.equation.tolist() == [0, 0, 1, 1, 2, 2, 2] and matrix.axes.tolist() == [0, 0, 0, 0, 1, 1, 1]
-    assert matrix.coefficients.tolist() == [1.0, -1.0, 1.0, -1.0, 1.0, -0.5, -0.5]
-    assert matrix.nodes.tolist() == [4, 8, 5, 9, 6, 7, 16]
-    assert matrix.where[2].startswith("*EQUATION, line")
+    equations = read(tmp_path, CUBE + TWICE + more).equations
+    assert equations.equation.tolist() == [0, 0, 1, 1, 2, 2, 2] and equations.axes.tolist() == [0, 0, 0, 0, 1, 1, 1]
+    assert equations.coefficients.tolist() == [1.0, -1.0, 1.0, -1.0, 1.0, -0.5, -0.5]
+    assert equations.nodes.tolist() == [4, 8, 5, 9, 6, 7, 16]
+    assert equations.where[2].startswith("*EQUATION, line")
 
 
-def test_a_mass_on_a_spring_that_an_equation_leads(tmp_path):
-    """The frequency is that of sqrt(k / m): a stiff cube, free along x, whose mean on one face is the end of a spring to ground."""
+def test_a_mass_on_a_spring_attached_by_an_equation(tmp_path):
+    """The frequency is sqrt(k / m): a stiff cube, free along x; the mean motion of a face moves the end of a spring to ground."""
     text = CUBE + "*NODE\n21, -1., .5, .5\n22, 0., .5, .5\n*ELEMENT, TYPE=SPRINGA, ELSET=S\n9, 21, 22\n*SPRING, ELSET=S\n\n10.\n"
     text += "*BOUNDARY\n21, 1, 3\n22, 2, 3\nALL, 2, 3\n*EQUATION\n5\n22, 1, 1., 1, 1, -.25, 4, 1, -.25,\n5, 1, -.25, 8, 1, -.25\n"
     model = read(tmp_path, text + STEEL)
@@ -438,10 +439,10 @@ def test_a_mass_on_a_spring_that_an_equation_leads(tmp_path):
     linearised = linearise(assemble(distribute(mesh, scene, MPI.COMM_SELF), mesh, pairs, scene), pairs, "job.inp")
     omega = lowest_modes(linearised, 1, verify=False).omega_n[0]
     linearised.destroy()
-    assert omega == pytest.approx(np.sqrt(10.0 / 7.85e-9), rel=3e-5)  # the cube gives by 1e-5
+    assert omega == pytest.approx(np.sqrt(10.0 / 7.85e-9), rel=3e-5)  # the cube is elastic: 1e-5
 
 
-def test_the_bolted_beam_is_read_as_it_stands(tmp_path):
+def test_the_bolted_beam_is_read_unchanged(tmp_path):
     beam = BrakeReuss(around=2, radial=1, through=1, along=4)
     model = read(tmp_path, input_file(beam))
     assert len(model.bodies) == 14 and len(model.ties) == 15 and [point.name for point in model.connected] == ["SENSOR"]
@@ -456,7 +457,7 @@ def test_the_bolted_beam_is_read_as_it_stands(tmp_path):
     scene, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
     del more["statics"]
     taken, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
-    assert [(one.group, one.force) for one in taken.statics.bolts] == [(f"BOLT-{i}.CUT", 9000.0) for i in (1, 2, 3)]
+    assert [(bolt.group, bolt.force) for bolt in taken.statics.bolts] == [(f"BOLT-{i}.CUT", 9000.0) for i in (1, 2, 3)]
     assert taken.statics.deformed_shape and not scene.statics.deformed_shape
     mesh = read_mesh(scene, model)
     pairs = pair_contacts(mesh, scene.joints)
@@ -489,7 +490,7 @@ FINDINGS = {
 
 
 @pytest.mark.parametrize("card, word", FINDINGS.items(), ids=FINDINGS.values())
-def test_what_changes_the_answer_is_found(tmp_path, card, word):
+def test_cards_that_change_the_answer_are_findings(tmp_path, card, word):
     plain_text = CUBE + TWICE + STEEL
     before = words(read(tmp_path, plain_text))
     assert [each for each in words(read(tmp_path, plain_text + "*MATERIAL, NAME=other\n" + card)) if each not in before] == [word]
@@ -516,12 +517,14 @@ ALL, ENCASTRE
 """
 
 
-@pytest.mark.parametrize("step, held, at_rest", [(None, 8, None), (1, 8, None), (2, 1, "*STATIC"), (3, 1, "*STEP, PERTURBATION")])
-def test_the_conditions_are_those_of_the_chosen_step(tmp_path, step, held, at_rest):
-    """What a perturbation holds ends with it; a *STATIC that is named is vibrated about, with its loads."""
+@pytest.mark.parametrize(
+    "step, n_supported, at_rest", [(None, 8, None), (1, 8, None), (2, 1, "*STATIC"), (3, 1, "*STEP, PERTURBATION")]
+)
+def test_boundary_conditions_are_those_of_the_chosen_step(tmp_path, step, n_supported, at_rest):
+    """Supports of a perturbation step end with it; a chosen *STATIC step is the reference state, with its loads."""
     (tmp_path / "job.inp").write_text(CUBE + STEEL + STEPS)
     model = read_model(tmp_path / "job.inp", step)
-    assert len(set(np.concatenate([model.groups[one.group].nodes for one in model.supports]).tolist())) == held
+    assert len(set(np.concatenate([model.groups[support.group].nodes for support in model.supports]).tolist())) == n_supported
     assert model.step == (step or 1)
     assert (None if model.statics is None else model.statics.word) == at_rest
     if at_rest:
@@ -529,10 +532,10 @@ def test_the_conditions_are_those_of_the_chosen_step(tmp_path, step, held, at_re
         assert model.statics.table.forces[0].force == (0.0, 0.0, -2.0)
 
 
-def test_a_table_says_what_each_step_states_and_what_of_it_is_taken(tmp_path):
+def test_the_table_of_steps_lists_stated_and_used_conditions(tmp_path):
     heat = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nALL, 20.\n*BOUNDARY\n4, PINNED\n"
     (tmp_path / "job.inp").write_text(CUBE + STEEL + heat + STEPS)
-    rows = {one.number: one for one in read_model(tmp_path / "job.inp", 3).steps}
+    rows = {step.number: step for step in read_model(tmp_path / "job.inp", 3).steps}
     assert rows[0].states == {"supports": "single nodes", "temperatures": "ALL"} and "supports" in rows[0].taken
     assert rows[1].procedure == '*FREQUENCY, PERTURBATION "Fixed"' and rows[1].states == {"supports": "ALL"}
     assert rows[1].taken == () and rows[3].taken == ("supports",)
@@ -544,13 +547,13 @@ def test_a_table_says_what_each_step_states_and_what_of_it_is_taken(tmp_path):
     (STEPS, 4, r'\[model\] step = 4: the file has 3 steps, 1: \*FREQUENCY, PERTURBATION "Fixed"; 2: \*STATIC "Press"; 3: '),
     ("", 1, r"\[model\] step = 1: the file has no steps"),
 ])  # fmt: skip
-def test_a_step_that_is_not_there_is_refused_with_those_that_are(tmp_path, text, step, message):
+def test_a_missing_step_is_refused_with_a_list_of_the_steps(tmp_path, text, step, message):
     (tmp_path / "job.inp").write_text(CUBE + STEEL + text)
     with pytest.raises(MeshError, match=message):
         read_model(tmp_path / "job.inp", step)
 
 
-def test_files_without_steps_have_none_to_choose(tmp_path):
+def test_a_step_of_a_format_without_steps_is_refused(tmp_path):
     (tmp_path / "m.bdf").write_text(bdf(plain()))
     with pytest.raises(CaseError, match=r"\[model\] step = 2: .*: of files .bdf no steps are read; leave step out"):
         read_model(tmp_path / "m.bdf", 2)
@@ -572,13 +575,13 @@ STATICS = {
 
 
 @pytest.mark.parametrize("card, word", STATICS.items(), ids=STATICS.values())
-def test_loads_before_the_vibration_that_are_not_taken_over_are_found(tmp_path, card, word):
+def test_unsupported_loads_before_the_vibration_are_findings(tmp_path, card, word):
     plain_text = CUBE + TWICE + STEEL
     keywords = words(read(tmp_path, plain_text + "*STEP\n*STATIC\n" + card + "*END STEP\n" + VIBRATION))
     assert set(keywords) - set(words(read(tmp_path, plain_text))) == {word, "*STEP, PERTURBATION"}
 
 
-def test_what_the_statics_of_a_scene_leave_out_is_found(tmp_path):
+def test_effects_missing_in_the_statics_are_findings(tmp_path):
     step = "*STEP, NLGEOM\n*STATIC\n*CLOAD\n1, 1, 1.\n*END STEP\n"
     plastic = STEEL.replace("*SOLID", "*PLASTIC\n300., 0.\n*SOLID")
     assert words(read(tmp_path, CUBE + plastic + step + VIBRATION)) == ["*STEP, NLGEOM", "*PLASTIC", "*STEP, PERTURBATION"]
@@ -587,36 +590,36 @@ def test_what_the_statics_of_a_scene_leave_out_is_found(tmp_path):
     assert words(read(tmp_path, CUBE + STEEL + dynamic + VIBRATION)) == 2 * ["*STEP, PERTURBATION"]
 
 
-def test_supports_that_are_moved_before_the_vibration_are_taken_over(tmp_path):
-    """A later value takes the place of one before; in the vibration what is moved is held."""
+def test_prescribed_displacements_before_the_vibration_are_used(tmp_path):
+    """A later value replaces an earlier one; in the vibration the displaced nodes are supported."""
     first = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\nALL, 3, 3, 0.5\n5, 1, 2, 0.25\n*END STEP\n"
     second = "*STEP\n*STATIC\n*BOUNDARY\n1, 3\n2, 3, 3, -0.5\n*END STEP\n"
     model = read(tmp_path, CUBE + STEEL + first + second + VIBRATION)
-    moved = model.statics.table.displacements
-    by_key = {one.displacement: model.numbers[model.groups[one.group].nodes].tolist() for one in moved}
+    displacements = model.statics.table.displacements
+    by_key = {entry.displacement: model.numbers[model.groups[entry.group].nodes].tolist() for entry in displacements}
     assert by_key == {(0.0, 0.0, 0.5): [3, 4, 6, 7, 8], (0.25, 0.25, 0.5): [5], (0.0, 0.0, -0.5): [2]}
     assert model.statics.large == "*STEP, NLGEOM" and words(model) == ["*STEP, NLGEOM", "*STEP, PERTURBATION"]
-    held = {axis for one in model.supports for axis in one.fix if one.group == "ALL"}
-    assert held == {"z"}
+    supported = {axis for support in model.supports for axis in support.fix if support.group == "ALL"}
+    assert supported == {"z"}
 
 
 @pytest.mark.parametrize("more", ["*DLOAD\nCUBE, P2, 4.\n", "*DSLOAD\nSIDE, P, 1.\n"])
-def test_large_displacements_are_left_to_the_user_where_loads_would_follow_them(tmp_path, more):
+def test_large_displacements_with_follower_loads_are_left_to_the_user(tmp_path, more):
     step = f"*STEP, NLGEOM\n*STATIC\n{more}*END STEP\n"
     model = read(tmp_path, CUBE + STEEL + "*SURFACE, NAME=SIDE\nCUBE, S3\n" + step + VIBRATION)
-    (finding,) = (one for one in model.findings if one.word == "*STEP, NLGEOM")
+    (finding,) = (finding for finding in model.findings if finding.word == "*STEP, NLGEOM")
     assert model.statics.large == "" and "pressures, which do not follow the surface" in finding.effect
 
 
-def test_loads_before_the_vibration_are_those_at_the_end_of_their_steps(tmp_path):
-    """A load replaces that of a step before and is added to one of its own step; OP = NEW takes out all others."""
+def test_loads_before_the_vibration_are_those_at_the_end_of_the_steps(tmp_path):
+    """A load replaces that of an earlier step and adds to those of the same step; OP = NEW removes all others."""
     sets = "*NSET, NSET=PAIR\n5, 6\n*TRANSFORM, NSET=PAIR, TYPE=R\n0., 1., 0., -1., 0., 0.\n*SURFACE, NAME=SIDE\nCUBE, S3\n"
     first = "*CLOAD\nPAIR, 1, 3.\nPAIR, 1, 2.\n7, 3, 9.\n*DLOAD\nCUBE, P2, 4.\nCUBE, CENTRIF, 1e4, 1., 0., 0., 0., 0., 2.\n"
     second = "*CLOAD\nPAIR, 1, 7.\n8, 1, 1.\n*DSLOAD\nSIDE, P, -2.\n"
     steps = f"*STEP\n*STATIC\n{first}*END STEP\n*STEP\n*STATIC\n{second}*END STEP\n"
     model = read(tmp_path, CUBE + STEEL + sets + steps + VIBRATION)
     statics = model.statics
-    by_key = {tuple(model.numbers[model.groups[one.group].nodes]): one.force for one in statics.table.forces}
+    by_key = {tuple(model.numbers[model.groups[force.group].nodes]): force.force for force in statics.table.forces}
     assert by_key == {(5, 6): (0.0, 14.0, 0.0), (7,): (0.0, 0.0, 9.0), (8,): (1.0, 0.0, 0.0)}
     on_faces, side = statics.table.pressures
     assert on_faces.pressure == 4.0 and (side.group, side.pressure) == ("SIDE", -2.0)
@@ -624,20 +627,20 @@ def test_loads_before_the_vibration_are_those_at_the_end_of_their_steps(tmp_path
     assert (statics.table.rotation_speed, statics.axis, statics.axis_point) == (100.0, (0.0, 0.0, 2.0), (1.0, 0.0, 0.0))
     renewed = steps.replace("*CLOAD\nPAIR, 1, 7.", "*CLOAD, OP=NEW\nPAIR, 1, 7.").replace("*DSLOAD", "*DSLOAD, OP=NEW")
     statics = read(tmp_path, CUBE + STEEL + sets + renewed + VIBRATION).statics
-    assert [one.pressure for one in statics.table.pressures] == [-2.0]
+    assert [pressure.pressure for pressure in statics.table.pressures] == [-2.0]
     assert len(statics.table.forces) == 2 and statics.table.rotation_speed == 0.0
 
 
-def test_what_changes_nothing_is_listed_or_passed_over(tmp_path):
+def test_cards_without_effect_on_the_answer_are_listed_or_ignored(tmp_path):
     step = "*STEP\n*STATIC\n*CLOAD\n1, 1, 1.\n2, 1, 1.\n*CLOAD\n3, 1, 1.\n*NODE PRINT, NSET=ALL\nU\n*OUTPUT, FIELD\n*END STEP\n"
-    matrix = read(tmp_path, CUBE + STEEL + "*AMPLITUDE, NAME=a\n0., 1.\n*Damping, alpha=3.\n" + step).findings
-    assert {one.word: one.where for one in matrix} == {
+    findings = read(tmp_path, CUBE + STEEL + "*AMPLITUDE, NAME=a\n0., 1.\n*Damping, alpha=3.\n" + step).findings
+    assert {finding.word: finding.where for finding in findings} == {
         "*AMPLITUDE": "line 18",
         "*DAMPING": "line 20",
         "*STATIC": "line 22",
         "*CLOAD": "line 23 and 1 more",
     }
-    assert not any(one.changes for one in matrix)
+    assert not any(finding.changes for finding in findings)
 
 
 BAD = {
@@ -737,7 +740,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("text, message", BAD.values(), ids=BAD.keys())
-def test_bad_input_is_one_message(tmp_path, text, message):
+def test_a_bad_file_gives_one_message_with_its_line(tmp_path, text, message):
     (tmp_path / "outside.inp").write_text(CUBE)
     (tmp_path / "in").mkdir()
     with pytest.raises(MeshError, match=message) as caught:
@@ -745,7 +748,7 @@ def test_bad_input_is_one_message(tmp_path, text, message):
     assert str(caught.value).startswith(str(tmp_path / "in" / "job.inp"))
 
 
-def test_a_link_out_of_the_folder_is_outside_and_circles_of_several_files_are_found(tmp_path):
+def test_links_out_of_the_folder_and_cycles_of_includes_are_refused(tmp_path):
     (tmp_path / "outside.inp").write_text(CUBE)
     folder = tmp_path / "in"
     folder.mkdir()
@@ -759,14 +762,14 @@ def test_a_link_out_of_the_folder_is_outside_and_circles_of_several_files_are_fo
 
 
 @pytest.mark.parametrize("step", [211, 307])
-def test_every_truncation_is_one_message_and_every_slip_that_or_a_model(tmp_path, step):
-    whole = inp(plain("hex20"), ("*Tie, name=t", "BAR_BOTTOM, PLATE_TOP", "*Mass, elset=m", "1."))
-    loose = range(whole.index("*End Assembly") + 13, len(whole))  # no part, instance or assembly is open there
-    for at in range(step, len(whole), step):
-        with contextlib.suppress(MeshError) if at in loose else pytest.raises(MeshError):
-            read(tmp_path, whole[:at])
+def test_truncated_and_edited_files_give_a_message_or_a_model(tmp_path, step):
+    text = inp(plain("hex20"), ("*Tie, name=t", "BAR_BOTTOM, PLATE_TOP", "*Mass, elset=m", "1."))
+    between_blocks = range(text.index("*End Assembly") + 13, len(text))  # no part, instance or assembly is open there
+    for at in range(step, len(text), step):
+        with contextlib.suppress(MeshError) if at in between_blocks else pytest.raises(MeshError):
+            read(tmp_path, text[:at])
         with contextlib.suppress(MeshError):
-            assert len(read(tmp_path, whole[:at] + ",x=" + whole[at + 3 :]).points)
+            assert len(read(tmp_path, text[:at] + ",x=" + text[at + 3 :]).points)
 
 
 SECTOR = """*CYCLIC SYMMETRY MODEL, N=12, NGRAPH=12, TIE=T
@@ -776,38 +779,40 @@ CROWN, FEET
 """
 
 
-def test_a_cyclic_sector_names_the_table_that_answers_it(tmp_path):
-    """The high face lies in the positive sense about the axis, whichever of the tie's surfaces it is."""
+def test_a_cyclic_sector_names_the_table_for_the_scene(tmp_path):
+    """The high face is in the positive direction about the axis, either the first or the second surface of the tie."""
     model = read(tmp_path, CUBE + TWICE + STEEL + SECTOR)
-    finding = next(each for each in model.findings if each.word == "*CYCLIC SYMMETRY MODEL")
+    finding = next(finding for finding in model.findings if finding.word == "*CYCLIC SYMMETRY MODEL")
     assert "sectors = 12, axis = [0.0, 0.0, 2.0], axis_point = [0.0, 0.0, 5.0]" in finding.effect
-    assert {each.part for each in model.findings if "CYCLIC" in each.word} == {"cyclic"}
+    assert {finding.part for finding in model.findings if "CYCLIC" in finding.word} == {"cyclic"}
     assert model.cyclic == FileSectors(sectors=12, axis=(0.0, 0.0, 2.0), axis_point=(0.0, 0.0, 5.0), faces=("CROWN", "FEET"))
-    joined = {
+    load_and_output = {
         "loads": ({"node": 5, "direction": (0.0, 0.0, 1.0)},),
         "outputs": ({"name": "o", "node": 5, "direction": (0.0, 0.0, 1.0)},),
     }
     with pytest.raises(CaseError, match="2 entries are not modelled and would change the answer"):
-        complete(scene_of({**tables("job.inp", ignore=("*ELEMENT",)), **joined}, tmp_path / "s.toml"), model)
+        complete(scene_of({**tables("job.inp", ignore=("*ELEMENT",)), **load_and_output}, tmp_path / "s.toml"), model)
     cyclic = {"sectors": 12, "axis": (0.0, 0.0, 2.0), "faces": ("CROWN", "FEET"), "engine_order": 2}
-    complete(scene_of({**tables("job.inp", ignore=("*ELEMENT",)), **joined, "cyclic": cyclic}, tmp_path / "s.toml"), model)
+    complete(
+        scene_of({**tables("job.inp", ignore=("*ELEMENT",)), **load_and_output, "cyclic": cyclic}, tmp_path / "s.toml"), model
+    )
 
 
 @pytest.mark.parametrize(
-    "card, said",
+    "card, message",
     [
         ("*CYCLIC SYMMETRY MODEL, N=1\n", "N=1: expected a number of sectors, at least 2"),
         ("*CYCLIC SYMMETRY MODEL, N=12\n0., 0., 1.\n", "expected six coordinates of two points of the axis"),
         ("*CYCLIC SYMMETRY MODEL, N=12\n0., 0., 1., 0., 0., 1.\n", "the two points of the axis coincide"),
     ],
 )
-def test_a_damaged_cyclic_sector_is_refused(tmp_path, card, said):
-    with pytest.raises(MeshError, match=said):
+def test_a_damaged_cyclic_sector_is_refused(tmp_path, card, message):
+    with pytest.raises(MeshError, match=message):
         read(tmp_path, CUBE + TWICE + STEEL + card)
 
 
-def test_a_reference_node_that_leads_reference_nodes_alone(tmp_path):
-    """It is a point without nodes of its own, wherever its card stands; one that leads none is a finding."""
+def test_a_reference_node_that_leads_only_reference_nodes(tmp_path):
+    """It is a point without followers on a solid, in any order of the cards; without any follower it is a finding."""
     more = "*NODE\n97, 0.5, 0.5, 5.0\n98, 0.5, 0.5, 4.0\n96, 0.0, 0.0, 9.0\n*NSET, NSET=FOOT\n1, 2, 3, 4\n"
     more += "*KINEMATIC COUPLING, REF NODE=97\n98, 1, 6\n*KINEMATIC COUPLING, REF NODE=98\n99, 1, 6\n"
     hub = "*COUPLING, CONSTRAINT NAME=hub, REF NODE=99, SURFACE=CROWN\n*KINEMATIC\n"
@@ -822,7 +827,7 @@ def test_a_reference_node_that_leads_reference_nodes_alone(tmp_path):
 
 
 def test_equations_and_couplings_of_reference_nodes(tmp_path):
-    """Terms of a reference node are those of its point, rotations too; one in another's coupling follows it as a rigid body."""
+    """Terms of a reference node, also rotations, belong to its point; a reference node in a coupling follows as a rigid body."""
     more = "*NODE\n98, 0.5, 0.5, 4.0\n*NSET, NSET=ALL2\n5, 6, 7, 8, 98\n"
     more += "*COUPLING, CONSTRAINT NAME=hub, REF NODE=99, SURFACE=CROWN\n*KINEMATIC\n"
     more += "*KINEMATIC COUPLING, REF NODE=98\nFOOT, 1, 6\n98, 1, 6\n99, 1, 6\n*EQUATION\n2\n99, 6, 2.0, 1, 1, -3.0\n"
@@ -839,7 +844,7 @@ def test_equations_and_couplings_of_reference_nodes(tmp_path):
     by_name = {point.name: point for point in model.connected}
     leader, follower = by_name["node 98"], by_name["hub"]
     arm = np.subtract(follower.position, leader.position)
-    theta = (0.1, 0.2, 0.3)  # the other moves as theta x r
+    theta = (0.1, 0.2, 0.3)  # the follower moves as theta x r
     values = {"node 98": (0.0, 0.0, 0.0, *theta), "hub": (*np.cross(theta, arm), *theta)}
     sums = np.zeros(7)
     for number, node, axis, value in zip(equations.equation, equations.nodes, equations.axes, equations.coefficients):

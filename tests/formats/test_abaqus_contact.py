@@ -1,4 +1,4 @@
-"""Contact pairs of an input file: joints where the file states what one needs; what lacks, or is wrong, by file, line and key."""
+"""Contact pairs of an input file: complete ones become joints; missing or wrong data are named by file, line and key."""
 
 import re
 
@@ -67,7 +67,7 @@ def effect(model):
     return finding.effect
 
 
-def test_stiffness_and_friction_of_a_pair_make_a_joint(tmp_path):
+def test_a_contact_pair_with_stiffness_and_friction_becomes_a_joint(tmp_path):
     model = read(tmp_path)
     assert model.joints == (JOINT,)
     assert effect(model) == (
@@ -77,12 +77,12 @@ def test_stiffness_and_friction_of_a_pair_make_a_joint(tmp_path):
 
 
 @pytest.mark.parametrize("order", [("friction", "behaviour"), ("behaviour", "friction")])
-def test_the_order_of_its_cards_is_free(tmp_path, order):
+def test_the_order_of_the_interaction_cards_does_not_matter(tmp_path, order):
     text = {"friction": RUBBING, "behaviour": PRESSED}
     assert read(tmp_path, behaviour=text[order[0]], friction=text[order[1]]).joints == (JOINT,)
 
 
-def test_a_stick_slope_of_abaqus_and_the_kind_of_a_pair(tmp_path):
+def test_the_stick_slope_and_the_type_of_a_contact_pair(tmp_path):
     named = "*FRICTION, SHEAR TRACTION SLOPE=4e4, SLIP TOLERANCE=0.005\n0.3,\n"
     pair = "*CONTACT PAIR, INTERACTION=DRY, TYPE=NODE TO SURFACE, ADJUST=0.01\nUpper, Lower\n"
     (joint,) = read(tmp_path, pair=pair, friction=named).joints
@@ -93,7 +93,7 @@ def test_a_stick_slope_of_abaqus_and_the_kind_of_a_pair(tmp_path):
 
 
 def test_the_smaller_surface_comes_first(tmp_path):
-    """The upper block wider than the lower one: its side, the slave, does not lie on the other with all of it."""
+    """The upper block is wider than the lower one: the slave surface is only partly in contact with the master."""
     wide = BLOCKS.replace("12, 1, 0, 1", "12, 3, 0, 1").replace("13, 1, 1, 1", "13, 3, 1, 1")
     assert wide != BLOCKS
     path = tmp_path / "job.inp"
@@ -106,7 +106,7 @@ STEP = "*STEP\n*STATIC\n*END STEP\n*STEP, PERTURBATION\n{}*FREQUENCY\n1\n*END ST
 
 
 @pytest.mark.parametrize(
-    "changes, lacks",
+    "changes, message",
     [
         ({"behaviour": ""}, r"normal_stiffness \(line 33: hard contact\)"),
         ({"behaviour": "*SURFACE BEHAVIOR\n"}, r"normal_stiffness \(line 34: hard contact\)"),
@@ -131,10 +131,10 @@ STEP = "*STEP\n*STATIC\n*END STEP\n*STEP, PERTURBATION\n{}*FREQUENCY\n1\n*END ST
         ({"pair": "*CONTACT PAIR\nUpper, Lower\n"}, r"friction \(line 31: no INTERACTION\), tang.* \(line 31: no INTERACTION\)"),
     ],
 )
-def test_what_lacks_is_named_with_its_line_and_the_key_to_state(tmp_path, changes, lacks):
+def test_missing_data_are_named_with_line_and_key(tmp_path, changes, message):
     model = read(tmp_path, **changes)
     assert model.joints[0].lacking
-    assert re.search(lacks, effect(model)), effect(model)
+    assert re.search(message, effect(model)), effect(model)
 
 
 @pytest.mark.parametrize(
@@ -150,6 +150,6 @@ def test_what_lacks_is_named_with_its_line_and_the_key_to_state(tmp_path, change
         ({"behaviour": PRESSED.replace("1e5", "stiff")}, r"line 35: \*SURFACE BEHAVIOR holds 'stiff' where a number is expected"),
     ],
 )
-def test_what_is_wrong_is_refused_by_its_line(tmp_path, changes, message):
+def test_wrong_data_are_refused_with_their_line(tmp_path, changes, message):
     with pytest.raises(MeshError, match=message):
         read(tmp_path, **changes)

@@ -1,4 +1,4 @@
-"""Materials with axes of their own in input files of Abaqus and CalculiX: constants, expansions, *ORIENTATION."""
+"""Anisotropic materials in input files of Abaqus and CalculiX: constants, expansions, *ORIENTATION."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def read(folder, elastic, axes=AXES, section=SECTION, more=""):
 
 
 def changes(model):
-    return [(one.word, one.effect) for one in model.findings if one.changes]
+    return [(finding.word, finding.effect) for finding in model.findings if finding.changes]
 
 
 def scene(folder, **model):
@@ -38,7 +38,7 @@ def scene(folder, **model):
 
 
 @pytest.mark.parametrize("elastic", [ORTHO, ANISO])
-def test_elasticities_are_symmetric_in_the_order_of_the_card(tmp_path, elastic):
+def test_elasticities_follow_the_order_of_the_card(tmp_path, elastic):
     C = np.array(read(tmp_path, elastic).materials["Ply"].elasticity)
     expected = np.array([[10.0 * min(i, j) + max(i, j) for i in range(1, 7)] for j in range(1, 7)])
     if elastic is ORTHO:
@@ -47,7 +47,7 @@ def test_elasticities_are_symmetric_in_the_order_of_the_card(tmp_path, elastic):
     np.testing.assert_array_equal(C, expected)
 
 
-def test_engineering_constants_come_to_the_scene_with_their_axes(tmp_path):
+def test_engineering_constants_and_their_axes_reach_the_scene(tmp_path):
     model = read(tmp_path, CONSTANTS + "*EXPANSION, TYPE=ORTHO\n-1e-6, 3e-5, 2e-5\n")
     assert changes(model) == []
     completed, _ = complete(scene(tmp_path, units="mm-t-s"), model)
@@ -81,7 +81,7 @@ def test_rectangular_axes(tmp_path, name):
     assert np.array([x, y, np.cross(x, y)]) == pytest.approx(expected, abs=1e-15)
 
 
-def test_cylindrical_axes_have_a_point_in_units_of_the_file(tmp_path):
+def test_the_point_of_cylindrical_axes_is_converted_from_the_units_of_the_file(tmp_path):
     model = read(tmp_path, CONSTANTS, "*ORIENTATION, NAME=FIBRES, SYSTEM=CYLINDRICAL\n1., 2., 3., 1., 2., 5.\n")
     assert model.bodies["CUBE"].orientation == "FIBRES" and changes(model) == []
     completed, _ = complete(scene(tmp_path, units="mm-t-s"), model)
@@ -89,17 +89,19 @@ def test_cylindrical_axes_have_a_point_in_units_of_the_file(tmp_path):
     assert (axes.axis, axes.point) == ((0.0, 0.0, 2.0), pytest.approx((1e-3, 2e-3, 3e-3)))
 
 
-def test_an_isotropic_material_needs_no_axes_unless_it_expands_by_direction(tmp_path):
+def test_an_isotropic_material_needs_axes_only_for_anisotropic_expansion(tmp_path):
     model = read(tmp_path, "*ELASTIC\n210., .25\n*EXPANSION, TYPE=ORTHO\n1e-5, 1e-5, 1e-5\n")
     assert (model.materials["Ply"].expansion, model.bodies["CUBE"].orientation, model.orientations) == (1e-5, None, {})
-    assert [one.word for one in model.findings if one.word == "*ORIENTATION"] == ["*ORIENTATION"] and changes(model) == []
+    assert [finding.word for finding in model.findings if finding.word == "*ORIENTATION"] == ["*ORIENTATION"] and changes(
+        model
+    ) == []
     model = read(tmp_path, "*ELASTIC\n210., .25\n*EXPANSION, TYPE=ORTHO\n1e-5, 1e-5, 2e-5\n")
-    one = model.materials["Ply"]
-    assert (one.young, one.poisson, one.shear) == ((210.0,) * 3, (0.25,) * 3, (84.0,) * 3)
-    assert (one.expansion, model.bodies["CUBE"].orientation) == ((1e-5, 1e-5, 2e-5), "Fibres")
+    material = model.materials["Ply"]
+    assert (material.young, material.poisson, material.shear) == ((210.0,) * 3, (0.25,) * 3, (84.0,) * 3)
+    assert (material.expansion, model.bodies["CUBE"].orientation) == ((1e-5, 1e-5, 2e-5), "Fibres")
 
 
-def test_constants_between_temperatures(tmp_path):
+def test_constants_are_interpolated_between_temperatures(tmp_path):
     rows = "*ELASTIC, TYPE=ORTHO\n0., 0., 0., 0., 0., 0., 0., 0.,\n0., 0.\n11., 12., 22., 13., 23., 33., 44., 55.,\n66., 1000.\n"
     model = read(tmp_path, rows, more="*INITIAL CONDITIONS, TYPE=TEMPERATURE\nALL, 250.\n")
     C = np.array(model.materials["Ply"].elasticity)
@@ -107,7 +109,7 @@ def test_constants_between_temperatures(tmp_path):
     assert changes(model) == []
 
 
-def test_instances_turn_the_axes_that_stand_in_them(tmp_path):
+def test_rotated_instances_rotate_their_axes(tmp_path):
     part = CUBE + AXES + SECTION
     text = (
         f"*PART, NAME=P\n{part}*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n0., 0., 5.\n0., 0., 0., 0., 0., 1., 45.\n"
@@ -131,13 +133,15 @@ def test_instances_turn_the_axes_that_stand_in_them(tmp_path):
         "*ORIENTATION, NAME=FIBRES\nTHEIRS\n",
     ],
 )
-def test_axes_that_are_not_followed_are_found(tmp_path, axes):
+def test_unsupported_axes_are_findings(tmp_path, axes):
     model = read(tmp_path, ORTHO, axes)
-    assert [(one.word, one.changes) for one in model.findings if one.word == "*ORIENTATION"] == [("*ORIENTATION", True)]
+    assert [(finding.word, finding.changes) for finding in model.findings if finding.word == "*ORIENTATION"] == [
+        ("*ORIENTATION", True)
+    ]
 
 
 @pytest.mark.parametrize(
-    "elastic, axes, says",
+    "elastic, axes, message",
     [
         (ORTHO, "", "there is no \\*ORIENTATION 'FIBRES'"),
         (ORTHO, "*ORIENTATION, NAME=FIBRES\n1., 0., 0., 2., 0., 0.\n", "lie on one line"),
@@ -146,16 +150,16 @@ def test_axes_that_are_not_followed_are_found(tmp_path, axes):
         (ORTHO.replace("\n66.", ""), AXES, "1 line where sets of 2 are expected"),
     ],
 )
-def test_what_is_damaged_is_one_message(tmp_path, elastic, axes, says):
-    with pytest.raises(MeshError, match=says):
+def test_damaged_cards_give_one_message(tmp_path, elastic, axes, message):
+    with pytest.raises(MeshError, match=message):
         read(tmp_path, elastic, axes)
 
 
 @pytest.mark.parametrize(
-    "elastic, says",
+    "elastic, message",
     [(CONSTANTS.replace(".28", "4.9"), "pulled in one way"), (ORTHO.replace("44.", "-44."), "the eigenvalue -44")],
 )
-def test_there_is_no_material_that_does_work(tmp_path, elastic, says):
+def test_materials_with_negative_energy_are_refused(tmp_path, elastic, message):
     model = read(tmp_path, elastic)
-    with pytest.raises(CaseError, match=rf"\[materials.Ply\]: there is no such material; .*{says}"):
+    with pytest.raises(CaseError, match=rf"\[materials.Ply\]: there is no such material; .*{message}"):
         complete(scene(tmp_path), model)

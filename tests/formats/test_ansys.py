@@ -1,4 +1,4 @@
-"""Ansys archives: every shape of element, what the commands say, the files of mapdl-archive, and what is damaged."""
+"""Ansys archives: all element shapes, commands, the example files of mapdl-archive, and damaged files."""
 
 import re
 import time
@@ -23,7 +23,7 @@ SANDBOXED = ("test_files_of_mapdl_archive_are_read", "test_damaged_archives_are_
 
 @pytest.fixture(autouse=True)
 def sandbox(monkeypatch, request):
-    """Archives that a test writes are read in this process; a process for each would take ten times as long."""
+    """Read archives that a test writes in this process; a process for each would take ten times as long."""
     if request.node.originalname not in SANDBOXED:
         monkeypatch.setattr(
             "microslip.formats.ansys.read.read_file", lambda path, function, *arguments, **limits: function(*arguments)
@@ -37,7 +37,7 @@ def written(folder, model=None, *more, text=None):
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet10"])
-def test_solids_keep_their_shape_nodes_and_numbers(tmp_path, kind):
+def test_solids_have_the_shape_nodes_and_numbers_of_the_file(tmp_path, kind):
     model = plain(kind)
     from_file = read_model(written(tmp_path, model))
     np.testing.assert_array_equal(from_file.numbers, model.numbers)
@@ -54,7 +54,7 @@ def test_solids_keep_their_shape_nodes_and_numbers(tmp_path, kind):
 def page(
     system="ANSYS", stars="***", release="2021 R2          21.2", product="Ansys Mechanical Enterprise\n", time="CP=      1.766"
 ):
-    """Return a page header as public listings of releases 14 to 2026 have it."""
+    """Return a page header in the form of public listings of releases 14 to 2026."""
     return (
         f"1\n\n {stars} {system} - ENGINEERING ANALYSIS SYSTEM  RELEASE {release}     {stars}\n {product}"
         f" 00000000  VERSION=WINDOWS x64   10:52:24  SEP 13, 2021 {time}\n\n bar on a plate--Modal (A5)\n\n"
@@ -72,7 +72,7 @@ PAGES = (
 
 @pytest.mark.parametrize("page", PAGES, ids=["14", "2021, distributed", "2021, no title", "2022", "2026"])
 @pytest.mark.parametrize("write, ending", [(cdb, ".cdb"), (ds_dat, ".dat")])
-def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_blocks(tmp_path, write, ending, page):
+def test_page_headers_of_a_listing_are_ignored_between_commands_and_within_blocks(tmp_path, write, ending, page):
     plain_file, listing = tmp_path / f"model{ending}", tmp_path / f"listing{ending}"
     lines = write(plain()).splitlines(keepends=True)
     plain_file.write_text("".join(lines))
@@ -93,13 +93,13 @@ def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_bloc
 
 
 @pytest.mark.parametrize("line", [b"\n", b"1\n", b" ***** RELEASE ", b" ***** A RELEASE 1 *****\n", b" "])
-def test_the_search_for_page_headers_takes_time_in_proportion_to_the_file(line):
+def test_the_search_for_page_headers_takes_linear_time(line):
     began = time.process_time()
     assert not HEADER.search(line * (1_000_000 // len(line)) + b"VERSION=")
     assert time.process_time() - began < 3.0
 
 
-def test_linear_and_quadratic_elements_of_one_type_are_kept_apart(tmp_path):
+def test_a_missing_midside_node_is_refused(tmp_path):
     model = plain("hex20")
     lines = cdb(model).splitlines()
     first = next(i for i, line in enumerate(lines) if line == "(19i9)") + 1
@@ -108,7 +108,7 @@ def test_linear_and_quadratic_elements_of_one_type_are_kept_apart(tmp_path):
         read_model(written(tmp_path, text="\n".join(lines)))
 
 
-def test_what_the_commands_say_becomes_the_scene(tmp_path):
+def test_materials_bodies_and_supports_of_the_commands_complete_the_scene(tmp_path):
     more = ("MP,ALPX,1,1.2e-5", "F,150,FX,3.0", "TREF,20.0")
     written(tmp_path, plain(), *more)
     scene, notes = complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), read_model(tmp_path / "model.cdb"))
@@ -128,7 +128,7 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "command, says",
+    "command, message",
     [
         ("TB,HYPE,1,1,1", "TB: HYPE of material 1, which is not taken over"),
         ("D,102,UX,0.001", "D: a displacement UX = 0.001 other than 0"),
@@ -143,9 +143,9 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
         ("EBLOCK,10", "EBLOCK: a block in the format of elements that are not solids"),
     ],
 )
-def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, command, says):
+def test_commands_that_change_the_answer_are_refused_unless_ignored(tmp_path, command, message):
     path = written(tmp_path, plain(), command)
-    with pytest.raises(CaseError, match=f"(?s)1 entries are not modelled.*line [0-9]+: {says}"):
+    with pytest.raises(CaseError, match=f"(?s)1 entries are not modelled.*line [0-9]+: {message}"):
         complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), read_model(path))
     word = command.split(",")[0]
     complete(scene_of(tables("model.cdb", ignore=(word,)), tmp_path / "s.toml"), read_model(path))
@@ -161,8 +161,8 @@ def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, command
         (("CYCLIC,OFF",), None, None, None),
     ],
 )
-def test_a_cyclic_sector_and_its_components(tmp_path, commands, sectors, axis, point):
-    """The components end in M01L and M01H; a scene with [cyclic] answers the command."""
+def test_a_cyclic_sector_has_its_faces_and_axis(tmp_path, commands, sectors, axis, point):
+    """The components of the faces end in M01L and M01H; the finding belongs to the table [cyclic] of the scene."""
     path = written(tmp_path, plain(), *commands)
     path.write_text(path.read_text().replace("BAR_BOTTOM", "CYC_M01L").replace("PLATE_TOP", "CYC_M01H"))
     model = read_model(path)
@@ -175,7 +175,7 @@ def test_a_cyclic_sector_and_its_components(tmp_path, commands, sectors, axis, p
         assert findings[0].part == "cyclic" and 'faces = ["CYC_M01L", "CYC_M01H"]' in findings[0].effect
 
 
-def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
+def test_equations_couplings_and_rigid_regions(tmp_path):
     model = plain()
     a, b, c = map(int, model.numbers[:3])
     more = (
@@ -208,7 +208,7 @@ def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
     )
 
 
-def test_a_leading_node_has_the_mass_and_the_supports_of_the_file(tmp_path):
+def test_a_leading_node_has_its_mass_and_supports(tmp_path):
     model = plain()
     followers = ",".join(("BAR_BOTTOM", "ALL"))
     lines = cdb(
@@ -232,7 +232,7 @@ def test_a_leading_node_has_the_mass_and_the_supports_of_the_file(tmp_path):
 @pytest.mark.parametrize(
     "members, connection", [(lambda c: (f"CERIG,5001,{c}",), "rigid"), (lambda _: (), "equations")], ids=["nodes", "points alone"]
 )
-def test_rigid_regions_follow_each_other_and_equations_turn(tmp_path, members, connection):
+def test_a_rigid_region_may_follow_another_and_equations_may_have_rotations(tmp_path, members, connection):
     model = plain()
     a, b, c = map(int, model.numbers[:3])
     more = ("CERIG,5000,BAR_BOTTOM", *members(c), "CERIG,5001,5000", "CE,1,0,5000,ROTX,1,5001,ROTX,-1")
@@ -250,25 +250,25 @@ def test_rigid_regions_follow_each_other_and_equations_turn(tmp_path, members, c
 @pytest.mark.parametrize(
     "text", ["ET,1,SOLID185,,2", "ETBLOCK,1,1\n(2i9,19a9)\n" + "".join(f"{k:9d}" for k in (1, 185, 0, 2, 0)) + f"\n{-1:9d}"]
 )
-def test_keyopts_of_types_stand_in_et_and_in_its_block(tmp_path, text):
+def test_keyopts_of_types_are_read_from_et_and_etblock(tmp_path, text):
     lines = [line for line in cdb(plain()).splitlines() if not line.startswith(("ET,1", "KEYOP,1"))]
     lines.insert(2, text)
     model = read_model(written(tmp_path, text="\n".join(lines)))
     assert all(body.incompatible_modes for body in model.bodies.values())
 
 
-def test_a_range_of_nodes_a_selection_and_equations_of_several_commands(tmp_path):
+def test_supports_of_ranges_and_selections_and_equations_of_several_commands(tmp_path):
     model = plain()
     a, b, c = map(int, model.numbers[:3])
     more = (f"D,{a},UX,0,,{c},2", "CMSEL,S,BAR_BOTTOM", "D,ALL,UZ", "ALLSEL", f"CE,1,0,{a},UY,1,{b},UY,-1", f"CE,1,0,{c},UY,2")
     more += ("CE,R5.0,DEFI,2,2,0.0", f"CE,R5.0,NODE,{a},UX,1.0,{b},ROTX,1.0", "/TITLE,a $ WOBBLE")
     from_file = read_model(written(tmp_path, model, *more))
-    held = {
+    supported = {
         axis: np.concatenate([from_file.groups[s.group].nodes for s in from_file.supports if axis in s.fix]).tolist()
         for axis in "xz"
     }
-    assert {0, 2} <= set(held["x"]) and 1 not in held["x"]
-    assert set(held["z"]) == {*model.sets["BAR_BOTTOM"], *model.sets["PLATE_BASE"]}
+    assert {0, 2} <= set(supported["x"]) and 1 not in supported["x"]
+    assert set(supported["z"]) == {*model.sets["BAR_BOTTOM"], *model.sets["PLATE_BASE"]}
     assert list(zip(from_file.equations.equation, from_file.equations.nodes, from_file.equations.coefficients)) == [
         (0, 0, 1.0),
         (0, 1, -1.0),
@@ -277,7 +277,7 @@ def test_a_range_of_nodes_a_selection_and_equations_of_several_commands(tmp_path
     assert [finding.word for finding in from_file.findings if finding.changes] == ["CE"]
 
 
-def test_point_masses_and_springs_are_elements(tmp_path):
+def test_point_masses_and_springs_are_read_from_elements(tmp_path):
     model = plain()
     a, b = map(int, model.numbers[:2])
     lines = cdb(model, ("ET,7,21", "KEYOPT,7,3,2", "ET,8,14", "R,9,0.25", "R,10,4.0e5,3.0")).splitlines()
@@ -291,7 +291,7 @@ def test_point_masses_and_springs_are_elements(tmp_path):
     assert [from_file.groups[name].nodes.tolist() for name in spring.groups] == [[0], [1]]
 
 
-def test_the_sides_of_a_contact_are_groups_that_a_tie_or_a_joint_joins(tmp_path):
+def test_the_surfaces_of_a_contact_are_groups_for_a_tie_or_a_joint(tmp_path):
     model = plain()
     path = written(tmp_path, text=cdb_with_contact(model))
     from_file, names = read_model(path), ("CONTA174 real 5", "TARGE170 real 5")
@@ -300,7 +300,7 @@ def test_the_sides_of_a_contact_are_groups_that_a_tie_or_a_joint_joins(tmp_path)
         for name in names
     ]
     assert of_cells == [set(model.sets["BAR_BOTTOM"]), set(model.sets["PLATE_TOP"])]
-    assert [(one.word, one.surfaces, one.is_glued) for one in from_file.findings] == [
+    assert [(finding.word, finding.surfaces, finding.is_glued) for finding in from_file.findings] == [
         ("element type 170", names, True),
         ("element type 174", names, True),
     ]
@@ -315,11 +315,11 @@ def test_the_sides_of_a_contact_are_groups_that_a_tie_or_a_joint_joins(tmp_path)
     complete(scene_of(tables("model.cdb", ignore=("element type 174", "element type 170")), tmp_path / "s.toml"), from_file)
 
 
-def test_a_contact_without_its_other_side_or_with_a_pilot_node_is_named(tmp_path):
+def test_a_contact_with_a_missing_surface_or_with_a_pilot_node_is_reported(tmp_path):
     model = plain()
     text = cdb_with_contact(model, 0).replace(f"{7:9d}{5:9d}", f"{7:9d}{6:9d}")  # targets of another pair
     from_file = read_model(written(tmp_path, text=text))
-    assert [(one.effect, one.surfaces) for one in from_file.findings] == [
+    assert [(finding.effect, finding.surfaces) for finding in from_file.findings] == [
         ("a target of contact", ()),
         ("a surface in contact", ()),
     ]
@@ -341,16 +341,16 @@ def test_a_contact_without_its_other_side_or_with_a_pilot_node_is_named(tmp_path
         ((1, 2, 3, 4, 5, 6, 7, 8), "quad8", (1, 2, 3, 4, 5, 6, 7, 8)),
     ],
 )
-def test_faces_of_contact_have_their_shape(row, kind, nodes):
+def test_contact_faces_have_their_shape(row, kind, nodes):
     rows = np.array([[*row, *[0] * (8 - len(row))]])
     (cells,) = side_of(170, 7, 5, 1, rows, np.array([9]), np.arange(1, 9)).cells
     assert (cells.kind, tuple(cells.nodes[0] + 1)) == (kind, nodes)
 
 
 @pytest.mark.parametrize(
-    "more, says", [((), None), (("MP,GXY,1,8.1e10",), "GXY"), (("MP,PRYZ,1,0.31",), "PRYZ"), (("MP,EZ,1,2.0e11",), "EZ")]
+    "more, message", [((), None), (("MP,GXY,1,8.1e10",), "GXY"), (("MP,PRYZ,1,0.31",), "PRYZ"), (("MP,EZ,1,2.0e11",), "EZ")]
 )
-def test_an_isotropic_material_may_state_all_axes(tmp_path, more, says):
+def test_constants_along_all_axes_may_be_isotropic(tmp_path, more, message):
     alike = (
         "MP,EY,1,2.1e11",
         "MP,EZ,1,2.1e11",
@@ -360,8 +360,8 @@ def test_an_isotropic_material_may_state_all_axes(tmp_path, more, says):
         "MP,PRXY,1,0.3",
     )
     model = read_model(written(tmp_path, plain(), *alike, *more))
-    assert [one.effect.partition(",")[0] for one in model.findings] == (
-        [f"{says} of material 1: it is not isotropic"] if says else []
+    assert [finding.effect.partition(",")[0] for finding in model.findings] == (
+        [f"{message} of material 1: it is not isotropic"] if message else []
     )
     assert model.materials["material 1"].poisson == 0.3
 
@@ -380,8 +380,8 @@ PLY = (
 )
 
 
-def test_an_orthotropic_material_has_the_axes_of_its_elements(tmp_path):
-    """Elements in the model's axes, in axes turned by 30 degrees about z, and around a cylinder's axis along y."""
+def test_an_orthotropic_material_has_the_axes_of_the_element_systems(tmp_path):
+    """Elements in the axes of the model, in axes rotated by 30 degrees about z, and in cylindrical axes about y."""
     lines = cdb(plain(), [f"MP,{text.split()[0]},1,{text.split()[1]}" for text in ("ALPX 1e-6", *PLY)]).splitlines()
     begin = next(i for i, line in enumerate(lines) if line == "(19i9)") + 1
     rows = [i for i in range(begin, len(lines)) if lines[i].startswith(f"{1:9d}" * 2)]
@@ -393,10 +393,10 @@ def test_an_orthotropic_material_has_the_axes_of_its_elements(tmp_path):
         "LOCAL,13,1,0.5,0.0,0.25,0.0,-90.0,0.0",
     ]
     model = read_model(written(tmp_path, text="\n".join(lines)))
-    assert not [one for one in model.findings if one.changes]
-    one = model.materials["material 1"]
-    assert (one.young, one.shear, one.expansion) == ((1.4e11, 1e10, 2e10), (5e9, 6e9, 3.5e9), (1e-6, 3e-5, 0.0))
-    assert one.poisson == pytest.approx((0.28, 0.05 * 1.4e11 / 2e10, 0.4))
+    assert not [finding for finding in model.findings if finding.changes]
+    material = model.materials["material 1"]
+    assert (material.young, material.shear, material.expansion) == ((1.4e11, 1e10, 2e10), (5e9, 6e9, 3.5e9), (1e-6, 3e-5, 0.0))
+    assert material.poisson == pytest.approx((0.28, 0.05 * 1.4e11 / 2e10, 0.4))
     axes = {name: body.orientation for name, body in model.bodies.items() if body.material == "material 1"}
     assert axes == {"material 1 ESYS 0": None, "material 1 ESYS 12": "ESYS 12", "material 1 ESYS 13": "ESYS 13"}
     first, second = model.orientations["ESYS 12"].directions
@@ -404,17 +404,17 @@ def test_an_orthotropic_material_has_the_axes_of_its_elements(tmp_path):
     around = model.orientations["ESYS 13"]
     assert around.axis == pytest.approx((0.0, 1.0, 0.0)) and around.axis_point == (0.5, 0.0, 0.25)
     lines[4:7] = []
-    unknown = [one for one in read_model(written(tmp_path, text="\n".join(lines))).findings if one.changes]
-    assert [one.word for one in unknown] == ["ESYS 12", "ESYS 13"]
+    unknown_systems = [finding for finding in read_model(written(tmp_path, text="\n".join(lines))).findings if finding.changes]
+    assert [finding.word for finding in unknown_systems] == ["ESYS 12", "ESYS 13"]
 
 
-def test_an_isotropic_material_may_expand_by_direction(tmp_path):
+def test_an_isotropic_material_may_have_anisotropic_expansion(tmp_path):
     model = read_model(written(tmp_path, plain(), "MP,ALPX,1,1e-5", "MP,ALPY,1,1e-5", "MP,ALPZ,1,2e-5"))
-    one = model.materials["material 1"]
-    assert (one.young, one.poisson, one.expansion) == ((2.1e11,) * 3, (0.3,) * 3, (1e-5, 1e-5, 2e-5))
+    material = model.materials["material 1"]
+    assert (material.young, material.poisson, material.expansion) == ((2.1e11,) * 3, (0.3,) * 3, (1e-5, 1e-5, 2e-5))
 
 
-def test_supports_in_turned_nodal_axes_become_equations(tmp_path):
+def test_supports_in_rotated_nodal_axes_become_equations(tmp_path):
     model = plain()
     lines = cdb(model).splitlines()
     node = model.numbers[model.sets["PLATE_BASE"][0]]
@@ -426,26 +426,28 @@ def test_supports_in_turned_nodal_axes_become_equations(tmp_path):
     assert model.sets["PLATE_BASE"][0] not in from_file.groups["D xyz"].nodes
 
 
-def test_archives_that_are_not_blocked_hold_the_same(tmp_path):
-    """UNBL in the place of R5.0; supports in a DBLOCK; what only sets up, loads, and Workbench's names of materials."""
+def test_unblocked_archives_give_the_same_model(tmp_path):
+    """UNBL replaces R5.0; supports in a DBLOCK; analysis options, loads, and identifiers of materials by Workbench."""
     text = cdb(plain())
     lines = [line for line in text.replace("R5.0", "UNBL").splitlines() if not line.startswith("D,")]
-    held = [line.split(",") for line in text.splitlines() if line.startswith("D,")]
-    block = [f"{int(node):9d}{label:<6s}{0.0:16.9f}{0.0:16.9f}" for _, node, label, *_ in held]
+    supports = [line.split(",") for line in text.splitlines() if line.startswith("D,")]
+    block = [f"{int(node):9d}{label:<6s}{0.0:16.9f}{0.0:16.9f}" for _, node, label, *_ in supports]
     at = next(i for i, line in enumerate(lines) if line.startswith("MPDATA"))
     more = [f"DBLOCK,{len(block)}", "(i9,a6,2(pg16.9))", *block, "       -1", "DMPOPT,FULL,NO", "NLDIAG,NRRE,OFF"]
     more += ["MP,UVID,1,fc4313a1-c4ae-43af-b253-ad2923dee743", "MP,UMID,1,7f", "SFEBLOCK,1,PRES,1,1,0", "(i9,i4,i4,6(pg20.9))"]
     more += [f"{1:9d}{4:4d}{1:4d}{2.0:20.9f}", "       -1"]
-    plainly, model = (read_model(written(tmp_path, text=each)) for each in (text, "\n".join([*lines[:at], *more, *lines[at:]])))
-    assert model.materials == plainly.materials and model.supports == plainly.supports
-    np.testing.assert_array_equal(model.groups["D xyz"].nodes, plainly.groups["D xyz"].nodes)
-    assert [(one.word, one.where) for one in model.findings if one not in plainly.findings] == [("SFEBLOCK", "1 command")]
+    blocked, model = (read_model(written(tmp_path, text=each)) for each in (text, "\n".join([*lines[:at], *more, *lines[at:]])))
+    assert model.materials == blocked.materials and model.supports == blocked.supports
+    np.testing.assert_array_equal(model.groups["D xyz"].nodes, blocked.groups["D xyz"].nodes)
+    assert [(finding.word, finding.where) for finding in model.findings if finding not in blocked.findings] == [
+        ("SFEBLOCK", "1 command")
+    ]
 
 
 @pytest.mark.parametrize("value, n", [("0.00000000", 0), ("0.", 0), ("0.0E+00", 0), ("9.81", 1), ("G", 1), ("1.0E+00", 1)])
-def test_accelerations_of_zero_as_every_archive_states_them_are_no_loads(tmp_path, value, n):
+def test_zero_accelerations_are_no_loads(tmp_path, value, n):
     model = read_model(written(tmp_path, plain(), f"ACEL, 0.00000000 ,  0.00000000  , {value}"))
-    assert [one.where for one in model.findings if one.word == "ACEL"] == n * ["1 command"]
+    assert [finding.where for finding in model.findings if finding.word == "ACEL"] == n * ["1 command"]
 
 
 def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):
@@ -455,14 +457,14 @@ def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):
 
 
 @pytest.mark.parametrize("kind, number", [("hex8", 225), ("hex20", 226), ("tet10", 227)])
-def test_solids_of_displacements_and_temperatures_are_taken_without_these(tmp_path, kind, number):
-    """As in Ansys' example of friction stir welding, SOLID226 with KEYOPT(1) = 11."""
-    plainly = cdb(plain(kind))
-    text = re.sub(r"^ET,(\s*\d+),\s*\d+(\nKEYOP.*)?", rf"ET,\1,{number}\nKEYOP,\1,1,11", plainly, flags=re.MULTILINE)
-    model, mechanical = (read_model(written(tmp_path, text=each)) for each in (text, plainly))
-    assert [one.nodes.tolist() for one in model.cells] == [one.nodes.tolist() for one in mechanical.cells]
+def test_coupled_field_solids_are_read_without_their_temperatures(tmp_path, kind, number):
+    """Solids as in Ansys' example of friction stir welding: SOLID226 with KEYOPT(1) = 11."""
+    structural = cdb(plain(kind))
+    text = re.sub(r"^ET,(\s*\d+),\s*\d+(\nKEYOP.*)?", rf"ET,\1,{number}\nKEYOP,\1,1,11", structural, flags=re.MULTILINE)
+    model, mechanical = (read_model(written(tmp_path, text=each)) for each in (text, structural))
+    assert [cells.nodes.tolist() for cells in model.cells] == [cells.nodes.tolist() for cells in mechanical.cells]
     assert {body.integration for body in model.bodies.values()} == {"full"}
-    (note,) = {one.effect for one in model.findings if one.word == f"SOLID{number}"}
+    (note,) = {finding.effect for finding in model.findings if finding.word == f"SOLID{number}"}
     assert note == f"SOLID{number} has temperatures too; the vibration here is isothermal"
     with pytest.raises(MeshError, match=rf"SOLID{number} with KEYOPT\(1\) = 1001 \(not 11, displacements and temperatures"):
         read_model(written(tmp_path, text=text.replace(",1,11", ",1,1001")))
@@ -471,23 +473,23 @@ def test_solids_of_displacements_and_temperatures_are_taken_without_these(tmp_pa
 @pytest.mark.parametrize(
     "commands", [("MP,MU,1,0.25",), ("TB,FRIC,1,2,1,ISO", "TBFIELD,TEMP,20.0", "TBDATA,1,0.25", "TBFI,TEMP,90.0", "TBDATA,1,0.2")]
 )
-def test_the_friction_coefficient_of_a_contact_is_that_of_its_material(tmp_path, commands):
+def test_the_friction_coefficient_of_a_contact_comes_from_its_material(tmp_path, commands):
     text = cdb_with_contact(plain(), 0).splitlines()
     at = next(i for i, line in enumerate(text) if line.startswith("MPDATA"))
     model = read_model(written(tmp_path, text="\n".join([*text[:at], *commands, *text[at:]])))
     (joint,) = model.joints
     assert (joint.surfaces, joint.friction) == (("CONTA174 real 5", "TARGE170 real 5"), 0.25)
-    assert joint.lacking  # a run does not take it over by itself
-    notes = [one.effect for one in model.findings if one.word == "TBDATA"]
+    assert joint.lacking  # a run does not use it without a joint of the scene
+    notes = [finding.effect for finding in model.findings if finding.word == "TBDATA"]
     assert notes == (
         ["friction coefficient of material 1 at further temperatures; new writes the first, 0.25"] * (len(commands) > 1)
     )
-    assert not [one for one in model.findings if one.changes and one.word.startswith("TB")]
+    assert not [finding for finding in model.findings if finding.changes and finding.word.startswith("TB")]
 
 
 @pytest.mark.parametrize("key, connection", [(1, "distributing"), (2, "rigid")])
 def test_a_pilot_node_leads_its_surface(tmp_path, key, connection):
-    """As the remote points of Workbench: one node as the target of a bonded contact by equations."""
+    """A remote point of Workbench: a node as the target of a bonded contact by equations."""
     model = plain()
     commands = ("ET,7,170", "KEYOP,7,2,1", "ET,8,174", "KEYOP,8,2,2", f"KEYOP,8,4,{key}", "KEYOP,8,12,5", "D,5000,UZ,0,,,,ROTX")
     lines = cdb_with_contact(model, 5).replace("ET,7,170\nET,8,174\n", "\n".join(commands) + "\n").splitlines()
@@ -503,46 +505,46 @@ def test_a_pilot_node_leads_its_surface(tmp_path, key, connection):
     assert (point.name, point.connection, point.position) == ("pilot node 5000", connection, (0.02, 0.0, 0.1))
     np.testing.assert_array_equal(from_file.groups[point.group].nodes, np.sort(model.sets["BAR_BOTTOM"]))
     assert [support.fix for support in from_file.supports if support.point == point.name] == [("z", "rx")]
-    assert not [one for one in from_file.findings if one.changes]
+    assert not [finding for finding in from_file.findings if finding.changes]
     other = read_model(written(tmp_path, text=text.replace(f"KEYOP,8,4,{key}", "KEYOP,8,4,0")))
-    assert any("pilot node" in one.effect for one in other.findings if one.changes) and not other.connected
+    assert any("pilot node" in finding.effect for finding in other.findings if finding.changes) and not other.connected
 
 
-def test_yield_is_a_note(tmp_path):
+def test_plasticity_is_a_note(tmp_path):
     model = read_model(written(tmp_path, plain(), "TB,PLAS,1,1,2,BISO", "TBTEMP,20.0", "TBDATA,1,3.0e8,1.0e9"))
-    (note,) = [one for one in model.findings if one.word.startswith("TB")]
+    (note,) = [finding for finding in model.findings if finding.word.startswith("TB")]
     assert not note.changes and note.effect == "PLAS of material 1: it yields or creeps in Ansys, and is elastic here"
 
 
-def test_geometry_before_the_data_is_passed_over(tmp_path):
-    """CDWRITE,ALL writes IGES first, whose lines end with a letter and a number."""
-    plainly = cdb(plain())
+def test_iges_geometry_before_the_data_is_ignored(tmp_path):
+    """CDWRITE,ALL first writes IGES, whose lines end with a letter and a number."""
+    without_geometry = cdb(plain())
     head = ["", "/COM,ANSYS RELEASE 12.1", "/TITLE,", "1H,,1H;,,19HElectronics_PCB.cdb,;"]
     lines = [f"{line:<72s}{letter}{i:7d}" for i, (letter, line) in enumerate(zip("SSSG", head), 1)]
-    text = "\n".join([*lines, ":CDWRITE      ! START OF CDWRITE DATA", plainly])
-    model, other = (read_model(written(tmp_path, text=each)) for each in (text, plainly))
+    text = "\n".join([*lines, ":CDWRITE      ! START OF CDWRITE DATA", without_geometry])
+    model, other = (read_model(written(tmp_path, text=each)) for each in (text, without_geometry))
     assert model.findings == other.findings and model.facts == other.facts
     np.testing.assert_array_equal(model.points, other.points)
 
 
-def test_solids_with_an_option_that_is_not_available_are_named_with_it(tmp_path):
+def test_solids_with_an_unavailable_option_are_reported_with_it(tmp_path):
     text = re.sub(r"^ET,(\d+),\d+\nKEYOP,\d+,2,\d+", r"ET,\1,185\nKEYOP,\1,2,1", cdb(plain()), flags=re.MULTILINE)
-    says = r"6 of type 185, SOLID185 with KEYOPT\(2\) = 1 .*which is not available here"
-    with pytest.raises(MeshError, match=f"none of its elements are solids .*: {says}"):
+    message = r"6 of type 185, SOLID185 with KEYOPT\(2\) = 1 .*which is not available here"
+    with pytest.raises(MeshError, match=f"none of its elements are solids .*: {message}"):
         read_model(written(tmp_path, text=text))
 
 
 @pytest.mark.parametrize("file, volume", [("hexarchivefile", 5.0), ("tetarchivefile", None), ("sector_archive_file", None)])
 def test_files_of_mapdl_archive_are_read(file, volume):
     model = read_model(getattr(mapdl_archive.examples, file))
-    inside = 0.0
+    total = 0.0
     for cells in model.cells:
         assert (elements.jacobian_minimum(cells.kind, model.points[cells.nodes]) > 0.0).all()
-        inside += elements.mass(cells.kind, model.points[cells.nodes], 1.0).sum()
-    assert volume is None or inside == pytest.approx(volume)
+        total += elements.mass(cells.kind, model.points[cells.nodes], 1.0).sum()
+    assert volume is None or total == pytest.approx(volume)
 
 
-def test_a_mesh_of_an_archive_has_faces_by_its_components(tmp_path):
+def test_surfaces_of_an_archive_are_selected_by_its_components(tmp_path):
     scene, _ = complete(scene_of(tables("model.cdb"), written(tmp_path).parent / "s.toml"), read_model(tmp_path / "model.cdb"))
     from microslip.mesh.pairing import pair_contacts
 
@@ -550,7 +552,7 @@ def test_a_mesh_of_an_archive_has_faces_by_its_components(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "change, says",
+    "change, message",
     [
         (lambda text: text.replace("NBLOCK,6,SOLID,1132,32", "NBLOCK,6,SOLID,1132,2000000000"), "NBLOCK counts 2000000000, more"),
         (lambda text: text.replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,6,900000000"), "EBLOCK counts 900000000, more"),
@@ -565,28 +567,28 @@ def test_a_mesh_of_an_archive_has_faces_by_its_components(tmp_path):
         (lambda text: "\x00\x01" * 500, "holds no NBLOCK and EBLOCK"),
     ],
 )
-def test_damaged_archives_are_refused_with_one_message(tmp_path, change, says):
+def test_damaged_archives_are_refused_with_one_message(tmp_path, change, message):
     text = change(cdb(plain()))
-    with pytest.raises(CaseError, match=f"model.cdb: .*{says}"):
+    with pytest.raises(CaseError, match=f"model.cdb: .*{message}"):
         read_model(written(tmp_path, text=text))
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20"])
-def test_an_input_file_of_workbench_says_what_the_archive_says(tmp_path, kind):
+def test_an_input_file_of_workbench_gives_the_model_of_the_archive(tmp_path, kind):
     model = plain(kind)
     (tmp_path / "ds.dat").write_text(ds_dat(model))
     from_file, archived = read_model(tmp_path / "ds.dat"), read_model(written(tmp_path, model))
     np.testing.assert_array_equal(from_file.numbers, archived.numbers)
     np.testing.assert_allclose(from_file.points, archived.points, atol=1e-11)
     solids = [cells for cells in from_file.cells if cells.kind == kind]
-    for one, other in zip(solids, archived.cells, strict=True):
-        np.testing.assert_array_equal(one.nodes, other.nodes)
-        np.testing.assert_array_equal(one.numbers, other.numbers)
+    for cells, other in zip(solids, archived.cells, strict=True):
+        np.testing.assert_array_equal(cells.nodes, other.nodes)
+        np.testing.assert_array_equal(cells.numbers, other.numbers)
     assert (from_file.bodies, from_file.materials, from_file.supports) == (archived.bodies, archived.materials, archived.supports)
     for name in model.sets:
         np.testing.assert_array_equal(from_file.groups[name].nodes, archived.groups[name].nodes)
     names = ("CONTA174 real 3", "TARGE170 real 3")
-    assert [(one.word, one.surfaces, one.is_glued) for one in from_file.findings] == [
+    assert [(finding.word, finding.surfaces, finding.is_glued) for finding in from_file.findings] == [
         ("element type 174", names, True),
         ("element type 170", names, True),
     ]
@@ -597,7 +599,7 @@ def test_an_input_file_of_workbench_says_what_the_archive_says(tmp_path, kind):
 
 
 @pytest.mark.parametrize(
-    "more, word, says",
+    "more, word, message",
     [
         ("en,501901,102,103", "E", "elements defined one by one .*CDWRITE"),
         ("esel,s,type,,2\nnsle\nd,all,ux,0", "D", "a support of 'all', which is not a known node, component or selection"),
@@ -612,19 +614,19 @@ def test_an_input_file_of_workbench_says_what_the_archive_says(tmp_path, kind):
         ),
     ],
 )
-def test_what_an_input_file_does_beside_is_refused_until_it_is_waived(tmp_path, more, word, says):
+def test_further_commands_of_an_input_file_are_refused_unless_ignored(tmp_path, more, word, message):
     model = plain()
     nodes = "".join(f"{n:9d}" for n in model.numbers[model.elements[0][0]])
     (tmp_path / "ds.dat").write_text(ds_dat(model, (more.replace("{nodes}", nodes),)))
     from_file = read_model(tmp_path / "ds.dat")
-    (finding,) = [one for one in from_file.findings if one.changes and not one.surfaces]
+    (finding,) = [finding for finding in from_file.findings if finding.changes and not finding.surfaces]
     assert finding.word == word
-    with pytest.raises(CaseError, match=says):
+    with pytest.raises(CaseError, match=message):
         complete(scene_of(tables("ds.dat"), tmp_path / "s.toml"), from_file)
 
 
 @pytest.mark.parametrize(
-    ("script", "says"),
+    ("script", "message"),
     [
         (
             "/prep7\nK,1,0,0\nk,2,1,0\nBLOCK,0,1,0,1,0,1\nvmesh,all\n",
@@ -634,14 +636,14 @@ def test_what_an_input_file_does_beside_is_refused_until_it_is_waived(tmp_path, 
         ("/COM no model\n*DIM,A,,3\n", r"it holds no mesh \(NBLOCK, EBLOCK\); write"),
     ],
 )
-def test_a_script_that_builds_its_mesh_is_refused_for_that(script, says, tmp_path):
+def test_a_script_that_builds_its_mesh_is_refused(script, message, tmp_path):
     (tmp_path / "vm.dat").write_text(f"/TITLE,a script\n{script}")
-    with pytest.raises(MeshError, match=says):
+    with pytest.raises(MeshError, match=message):
         read_model(tmp_path / "vm.dat")
 
 
 @pytest.mark.parametrize(
-    "change, says",
+    "change, message",
     [
         (lambda text: text[: text.index("et,1,185") - 200], "the block of line 8 ends without -1; the file is truncated"),
         (lambda text: text[: text.index("eblock")], "its NBLOCK or EBLOCK is empty or damaged"),
@@ -657,20 +659,20 @@ def test_a_script_that_builds_its_mesh_is_refused_for_that(script, says, tmp_pat
         (lambda text: text.replace("keyo,cid,12,5", "keyo,cid,12,who"), "KEYOPT: 'who' where a number is expected"),
     ],
 )
-def test_damaged_input_files_are_refused_with_one_message(tmp_path, change, says):
+def test_damaged_input_files_are_refused_with_one_message(tmp_path, change, message):
     (tmp_path / "ds.dat").write_text(change(ds_dat(plain())))
-    with pytest.raises(CaseError, match=f"ds.dat: .*{says}"):
+    with pytest.raises(CaseError, match=f"ds.dat: .*{message}"):
         read_model(tmp_path / "ds.dat")
 
 
-def test_a_dat_of_nastran_is_still_one(tmp_path):
+def test_a_dat_file_of_nastran_is_recognised(tmp_path):
     pytest.importorskip("pyNastran")
     (tmp_path / "m.dat").write_text(bdf(plain()))
     assert len(read_model(tmp_path / "m.dat").points) == 32
 
 
 def test_an_input_file_of_ansys_or_nastran_may_end_in_inp(tmp_path):
-    """The ending is that of Abaqus, and of others: NASTRAN-95's decks, inputs of Mechanical APDL."""
+    """Abaqus, decks of NASTRAN-95 and inputs of Mechanical APDL share the ending."""
     for text, node_group in ((ds_dat(plain()), "_FIXEDSU"), (bdf(plain()), None)):
         (tmp_path / "m.inp").write_text(text)
         model = read_model(tmp_path / "m.inp")

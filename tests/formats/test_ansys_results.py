@@ -1,4 +1,4 @@
-"""Results files of Ansys: what the library says of their model, what they do not tell, and what is missing or damaged."""
+"""Results files of Ansys: the model as the library returns it, findings, missing and damaged files."""
 
 import struct
 import sys
@@ -17,7 +17,7 @@ CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.
 
 
 class Result:
-    """What ansys.mapdl.reader makes of a file, as far as it is asked."""
+    """The part of a result of ansys.mapdl.reader that the program reads."""
 
     def __init__(self, element=185, keys=(0, 2)):
         self.mesh = SimpleNamespace(
@@ -67,11 +67,11 @@ def test_the_model_of_a_results_file_is_read(monkeypatch, file):
     assert model.bodies == {"material 1": Body.of_file(group="material 1", material="material 1", integration="full")}
     assert model.numbers[model.groups["ROOT"].nodes].tolist() == [11, 12, 13, 14] and "ALL" in model.groups
     assert Support.of_file(group="D xyz", fix=("x", "y", "z")) in model.supports
-    assert not [one for one in model.findings if one.changes]
+    assert not [finding for finding in model.findings if finding.changes]
     assert "has no equations, couplings" in model.facts[-1]
 
 
-def test_what_of_it_changes_the_answer_is_found(monkeypatch, file):
+def test_entries_that_change_the_answer_are_findings(monkeypatch, file):
     def read(path, parse_vtk):
         result = Result(element=181)
         result.materials[1]["EY"] = 1e11
@@ -80,8 +80,8 @@ def test_what_of_it_changes_the_answer_is_found(monkeypatch, file):
         return result
 
     install(monkeypatch, read)
-    computed = {one.word for one in read_model(file).findings if one.changes}
-    assert {"element type 181", "MP", "D"} <= computed
+    words = {finding.word for finding in read_model(file).findings if finding.changes}
+    assert {"element type 181", "MP", "D"} <= words
 
 
 def broken(path, parse_vtk):
@@ -95,13 +95,13 @@ WRONG = {
 
 
 @pytest.mark.parametrize("read, message", WRONG.values(), ids=WRONG)
-def test_other_files_are_refused(monkeypatch, file, read, message):
+def test_damaged_files_and_files_without_mesh_are_refused(monkeypatch, file, read, message):
     install(monkeypatch, read)
     with pytest.raises(MeshError, match=message):
         read_model(file)
 
 
-def test_without_the_library_the_message_says_what_to_install(monkeypatch, file):
+def test_without_the_library_the_message_names_the_package_to_install(monkeypatch, file):
     in_process(monkeypatch)
     monkeypatch.setitem(sys.modules, "ansys.mapdl.reader", None)
     with pytest.raises(MeshError, match="pip install ansys-mapdl-reader .* or write the archive: CDWRITE"):
@@ -109,8 +109,8 @@ def test_without_the_library_the_message_says_what_to_install(monkeypatch, file)
 
 
 def test_the_example_of_the_library_is_read():
-    """Its modes are in the file; the same structure as matrices is in tests/elements."""
+    """The file holds modes of the structure, whose matrices are in tests/elements."""
     examples = pytest.importorskip("ansys.mapdl.reader.examples")
     model = read_model(examples.rstfile)
-    assert [(one.kind, len(one.nodes)) for one in model.cells] == [("hex20", 40)] and len(model.points) == 321
+    assert [(cells.kind, len(cells.nodes)) for cells in model.cells] == [("hex20", 40)] and len(model.points) == 321
     assert model.materials["material 1"].young == pytest.approx(16.9e6)

@@ -1,4 +1,4 @@
-"""Files made to fool a reader: counts beyond the file, pipes and devices, circles, bombs, links, code in the folder of a scene."""
+"""Hostile files: counts beyond the file, pipes and devices, cycles, bombs, links, code in the folder of a scene."""
 
 import contextlib
 import os
@@ -45,16 +45,16 @@ HUGE = "999999999999999999"
 
 
 def read(folder, name, content):
-    """Return what the reader of ``name`` says of a file with this content."""
+    """Return the error message of the reader ``name`` for a file with this content."""
     target = TARGETS[name]
     path = folder / f"file{target.ending}"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     began = time.process_time()
-    with pytest.raises(MicroslipError) as said:
+    with pytest.raises(MicroslipError) as caught:
         target.read(path)
     assert time.process_time() - began < 5.0
-    assert str(path) in str(said.value) and len(str(said.value)) < 1500
-    return str(said.value)
+    assert str(path) in str(caught.value) and len(str(caught.value)) < 1500
+    return str(caught.value)
 
 
 CUBE = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n*ELEMENT,TYPE=C3D8,ELSET=E\n1,1,2,3,4,5,6,7,8\n"
@@ -62,7 +62,7 @@ VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
 
 
 @pytest.mark.parametrize(
-    "name, content, said",
+    "name, content, message",
     [
         ("msh", f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{HUGE}\n1 0 0 0\n$EndNodes\n", "holds 4 numbers"),
         ("msh", f"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n{HUGE} 1 1 1\n$EndNodes\n", "ends early"),
@@ -95,12 +95,12 @@ VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
         ("scene", f"{'a' * 100_000} = 1\n", "mistakes"),
     ],
 )
-def test_counts_and_numbers_that_no_file_can_hold_are_refused(tmp_path, name, content, said):
-    assert said in read(tmp_path, name, content)
+def test_counts_and_numbers_beyond_the_file_are_refused(tmp_path, name, content, message):
+    assert message in read(tmp_path, name, content)
 
 
 @pytest.mark.parametrize(
-    "name, old, new, said",
+    "name, old, new, message",
     [
         ("ansys", "SOLID,6,6", "SOLID,9,9", "EBLOCK counts 9 elements and holds 6"),
         ("ansys", "SOLID,6,6", "SOLID,3,3", "holds 6 lines, and 3 make the 3 elements that it counts"),
@@ -116,15 +116,15 @@ def test_counts_and_numbers_that_no_file_can_hold_are_refused(tmp_path, name, co
         ("dmig", "\n", "", "does not end; the file is truncated"),
     ],
 )
-def test_what_a_file_counts_and_opens_is_there(tmp_path, name, old, new, said):
-    text = min((one.decode() for one in SEEDS[name](tmp_path)[:2]), key=len)
-    at = text.rfind(old) if said.startswith("does not end") else text.find(old)
+def test_counts_and_blocks_of_a_file_must_be_complete(tmp_path, name, old, new, message):
+    text = min((seed.decode() for seed in SEEDS[name](tmp_path)[:2]), key=len)
+    at = text.rfind(old) if message.startswith("does not end") else text.find(old)
     assert at >= 0
-    assert said in read(tmp_path, name, text[:at] + new + text[at + len(old) :])
+    assert message in read(tmp_path, name, text[:at] + new + text[at + len(old) :])
 
 
 @pytest.mark.parametrize("kind, n_lines", [("hex8", 1), ("hex20", 2)])
-def test_an_element_that_lacks_a_node_does_not_take_one_of_the_next(tmp_path, kind, n_lines):
+def test_an_element_with_a_missing_node_is_refused(tmp_path, kind, n_lines):
     lines, n = inp(plain(kind)).splitlines(), int(kind[3:])
     last = next(i for i, line in enumerate(lines) if line.startswith("*Element")) + n_lines
     lines[last] = lines[last].rpartition(",")[0]
@@ -134,63 +134,65 @@ def test_an_element_that_lacks_a_node_does_not_take_one_of_the_next(tmp_path, ki
 @pytest.mark.parametrize(
     "name, write, last", [("fem", bdf, "ENDDATA"), ("nastran", bdf, "ENDDATA"), ("abaqus", inp, "*End Step")]
 )
-def test_files_that_do_not_end_are_said_to(tmp_path, name, write, last):
+def test_missing_end_cards_are_reported(tmp_path, name, write, last):
     path = tmp_path / f"m{TARGETS[name].ending}"
     for text, n in ((write(plain()), 0), (write(plain()).replace(last, ""), 1)):
         path.write_text(text)
-        assert [one.word for one in read_model(path).findings].count(last.upper()) == n
+        assert [finding.word for finding in read_model(path).findings].count(last.upper()) == n
 
 
 @pytest.mark.parametrize("second, changes", [("1., 0.3", True), (f"{YOUNG}, {POISSON}", False)])
-def test_a_property_that_stands_twice_is_found(tmp_path, second, changes):
+def test_a_repeated_property_is_reported(tmp_path, second, changes):
     (tmp_path / "m.inp").write_text(inp(plain()).replace("*Elastic\n", f"*Elastic\n{second}\n*Elastic\n"))
-    (model,) = (one for one in read_model(tmp_path / "m.inp").findings if one.word == "*ELASTIC")
-    assert model.changes == changes and "of material 'Steel' again, after line" in model.effect
+    (finding,) = (finding for finding in read_model(tmp_path / "m.inp").findings if finding.word == "*ELASTIC")
+    assert finding.changes == changes and "of material 'Steel' again, after line" in finding.effect
 
 
 @pytest.mark.parametrize("second, changes", [("1., 0.3", True), (f"{YOUNG}, {POISSON}", False)])
-def test_of_a_material_that_is_stated_twice_the_first_counts(tmp_path, second, changes):
+def test_the_first_definition_of_a_repeated_material_holds(tmp_path, second, changes):
     text = inp(plain())
     cards = text[text.index("*Material") :].partition("*Solid")[0].partition("*Step")[0]
-    again = cards.replace("Steel", "STEEL").replace(f"{YOUNG}, {POISSON}", second)
-    (tmp_path / "m.inp").write_text(text.replace(cards, cards + again))
+    second_cards = cards.replace("Steel", "STEEL").replace(f"{YOUNG}, {POISSON}", second)
+    (tmp_path / "m.inp").write_text(text.replace(cards, cards + second_cards))
     model = read_model(tmp_path / "m.inp")
-    (computed,) = (one for one in model.findings if one.word == "*MATERIAL")
-    assert computed.changes == changes and "as first stated" in computed.effect
+    (finding,) = (finding for finding in model.findings if finding.word == "*MATERIAL")
+    assert finding.changes == changes and "as first stated" in finding.effect
     assert model.materials["Steel"].young == YOUNG and list(model.materials) == ["Steel"]
 
 
-def test_cards_of_optistruct_are_read_or_found(tmp_path):
-    """The words before its bulk data are its own; of two sets of supports the chosen one holds."""
+def test_cards_of_optistruct_are_read_or_reported(tmp_path):
+    """Commands before the bulk data are those of OptiStruct; of two sets of supports the selected one holds."""
     head, _, bulk = bdf(plain(), ("CBUSH,77,7,101,102", "SPC1,2,1,102")).partition("BEGIN BULK")
     sets = head[head.index("SET 1") :]
-    asked = "SCREEN OUT\nDISPLACEMENT(H3D) = ALL\n$HMNAME LOADSTEP 1\nSUBCASE 1\n  LABEL x\n  ANALYSIS MODES\n  SPC =    1\n"
-    (tmp_path / "m.fem").write_text(f"{sets}{asked}BEGIN BULK{bulk}")
+    case_control = (
+        "SCREEN OUT\nDISPLACEMENT(H3D) = ALL\n$HMNAME LOADSTEP 1\nSUBCASE 1\n  LABEL x\n  ANALYSIS MODES\n  SPC =    1\n"
+    )
+    (tmp_path / "m.fem").write_text(f"{sets}{case_control}BEGIN BULK{bulk}")
     model = read_model(tmp_path / "m.fem")
-    assert [one.fix for one in model.supports] == [("x", "y", "z")] and len(model.groups["SET 2"].nodes) == 8
-    assert [one.word for one in model.findings if one.changes] == ["CBUSH"]
+    assert [support.fix for support in model.supports] == [("x", "y", "z")] and len(model.groups["SET 2"].nodes) == 8
+    assert [finding.word for finding in model.findings if finding.changes] == ["CBUSH"]
 
 
-def test_cells_that_meshio_leaves_out_are_refused(tmp_path):
+def test_cells_that_meshio_omits_are_refused(tmp_path):
     points = "POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\n"
-    said = read(
+    message = read(
         tmp_path,
         "vtk",
         VTK.replace("4.2", "5.1")
         + points
         + "CELLS 3 8\nOFFSETS vtktypeint64\n0 4 8\nCONNECTIVITY vtktypeint64\n0 1 2 3 0 1 2 3\nCELL_TYPES 2\n10\n41\n",
     )
-    assert "VTK's type 41" in said
+    assert "VTK's type 41" in message
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 @pytest.mark.parametrize("content", [b"", b"\n", b"\0" * 300, b"\xff\xfe" * 200, b"-1 " * 300])
-def test_files_without_sense_are_refused(tmp_path, name, content):
+def test_meaningless_files_are_refused(tmp_path, name, content):
     read(tmp_path, name, content)
 
 
-# -- what is no file ----------------------------------------------------------------------------------------------------
+# -- not a regular file-------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -205,7 +207,7 @@ def test_pipes_and_devices_are_not_opened(tmp_path, name, sort):
         TARGETS[name].read(path)
 
 
-def test_a_scene_that_names_a_pipe_says_so(tmp_path):
+def test_a_pipe_as_the_mesh_of_a_scene_is_refused(tmp_path):
     os.mkfifo(tmp_path / "fan_sector.msh")
     (tmp_path / "s.toml").write_text(GOOD)
     with pytest.raises(CaseError, match='mesh = "fan_sector.msh": that is a pipe or a device; a file is expected'):
@@ -213,7 +215,7 @@ def test_a_scene_that_names_a_pipe_says_so(tmp_path):
 
 
 @pytest.mark.parametrize("line", ["*INCLUDE, INPUT=pipe", "*INCLUDE, INPUT=/dev/zero", "*INCLUDE, INPUT=."])
-def test_what_is_included_is_a_file_of_the_folder(tmp_path, line):
+def test_an_include_must_be_a_regular_file_of_the_folder(tmp_path, line):
     os.mkfifo(tmp_path / "pipe")
     read(tmp_path, "abaqus", f"{line}\n{CUBE}")
     read(tmp_path, "nastran", f"INCLUDE '{line.partition('=')[2]}'\n" + bdf(plain()))
@@ -221,8 +223,8 @@ def test_what_is_included_is_a_file_of_the_folder(tmp_path, line):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name, line", [("abaqus", "*INCLUDE, INPUT={}\n"), ("nastran", "INCLUDE '{}'\n")])
-def test_files_that_include_the_next_one_again_and_again_end(tmp_path, name, line):
-    """Two to the power of 20 times a file of 10 kB would be ten gigabytes."""
+def test_repeated_includes_are_bounded(tmp_path, name, line):
+    """A file of 10 kB included 2^20 times would be ten gigabytes."""
     for i in range(20):
         (tmp_path / f"f{i}").write_text(2 * line.format(f"f{i + 1}"))
     (tmp_path / "f20").write_text(100 * f"** {100 * 'x'}\n" if name == "abaqus" else 100 * f"$ {60 * 'x'}\n")
@@ -230,7 +232,7 @@ def test_files_that_include_the_next_one_again_and_again_end(tmp_path, name, lin
 
 
 @pytest.mark.parametrize("name, line", [("abaqus", "*INCLUDE, INPUT={}\n"), ("nastran", "INCLUDE '{}'\n")])
-def test_a_thousand_files_within_each_other_are_refused(tmp_path, name, line):
+def test_a_thousand_nested_includes_are_refused(tmp_path, name, line):
     for i in range(1200):
         (tmp_path / f"f{i}").write_text(line.format(f"f{i + 1}"))
     (tmp_path / "f1200").write_text("")
@@ -238,7 +240,7 @@ def test_a_thousand_files_within_each_other_are_refused(tmp_path, name, line):
     assert 50 < len(included_files(tmp_path / f"file{TARGETS[name].ending}")) < 1200
 
 
-def test_included_bulk_data_is_in_its_place(tmp_path):
+def test_included_bulk_data_is_read_in_place(tmp_path):
     lines = bdf(plain("hex8")).splitlines(keepends=True)
     at = next(i for i, line in enumerate(lines) if line.startswith("GRID"))
     (tmp_path / "grid.inc").write_text("".join(lines[at : at + 5]))
@@ -252,20 +254,20 @@ def test_included_bulk_data_is_in_its_place(tmp_path):
 # -- archives and HDF5 --------------------------------------------------------------------------------------------------
 
 
-class Deed:
-    """What unpickling would do."""
+class Payload:
+    """An object whose unpickling runs a command."""
 
     def __reduce__(self):
         return os.system, ("touch executed",)
 
 
-def test_objects_of_archives_are_not_made(tmp_path, monkeypatch):
+def test_objects_of_archives_are_not_unpickled(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    np.savez(tmp_path / "file.npz", K=np.array([[Deed()]], dtype=object))
+    np.savez(tmp_path / "file.npz", K=np.array([[Payload()]], dtype=object))
     with pytest.raises(CaseError, match="cannot be read as a matrix"):
         read_matrix(tmp_path / "file.npz", "[model] stiffness", "K")
     with zipfile.ZipFile(tmp_path / "raw.npz", "w") as archive:
-        archive.writestr("K.npy", pickle.dumps(Deed()))
+        archive.writestr("K.npy", pickle.dumps(Payload()))
     with pytest.raises(CaseError, match="cannot be read as a matrix"):
         read_matrix(tmp_path / "raw.npz", "[model] stiffness", "K")
     assert not (tmp_path / "executed").exists()
@@ -280,7 +282,7 @@ def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path):
         read_matrix(tmp_path / "K.npz", "[model] stiffness", "K")
 
 
-def test_entities_of_xml_do_not_swell(tmp_path):
+def test_entities_of_xml_are_not_expanded(tmp_path):
     bomb = "".join(f'<!ENTITY a{i} "{10 * f"&a{i - 1};"}">' for i in range(1, 10))
     read(tmp_path, "vtu", f'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a0 "0 0 0 0 0 0">{bomb}]><VTKFile>&a9;</VTKFile>')
     (tmp_path / "secret").write_text("7")
@@ -320,7 +322,7 @@ def _references(file, values):
 
 
 @pytest.mark.parametrize(
-    "make, said",
+    "make, message",
     [
         (_alias, "are one data set under two names"),
         (_wide_chunk, "chunks of 1073741824 bytes"),
@@ -328,11 +330,11 @@ def _references(file, values):
         (_references, "variable length or references"),
     ],
 )
-def test_results_that_swell_or_need_plugins_are_refused(tmp_path, make, said):
+def test_results_that_expand_or_need_plugins_are_refused(tmp_path, make, message):
     path = replaced(kept(tmp_path), "joint/mu", make)
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=message):
         read_results(path)
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=message):
         raise CaseError(_message_of_convert(path, tmp_path))
 
 
@@ -347,12 +349,12 @@ def _message_of_convert(path, folder):
 
 
 @pytest.mark.parametrize("place", ["pipe", "/dev/zero", ".", "none\0"])
-def test_what_results_say_that_they_were_made_of_may_be_a_pipe(tmp_path, place):
+def test_a_stated_source_of_results_may_be_a_pipe(tmp_path, place):
     os.mkfifo(tmp_path / "pipe")
     assert fate(SimpleNamespace(path=os.path.join(tmp_path, place), size=0, sha256="")) == GONE
 
 
-def test_texts_of_variable_length_are_read_still(tmp_path):
+def test_texts_of_variable_length_are_read(tmp_path):
     path = kept(tmp_path)
     with h5py.File(path, "r+") as file:
         del file["scene/name"]
@@ -374,7 +376,7 @@ def test_exodus_in_hdf5_claims_no_more_than_it_holds(tmp_path):
 
 
 @pytest.mark.slow
-def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, monkeypatch):
+def test_memory_is_bounded_only_while_a_file_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr(formats_read, "_FREE", 2**27)
     (tmp_path / "f").write_bytes(b"x")
     with pytest.raises(MeshError, match="limit of a file of 1 bytes"):
@@ -387,15 +389,15 @@ def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, mon
 
 
 @pytest.mark.slow
-def test_modules_and_settings_in_the_folder_are_not_taken(tmp_path):
-    """Modules of names that the program imports."""
+def test_modules_in_the_folder_are_not_imported(tmp_path):
+    """The modules have names that the program imports."""
     for name in ("numpy", "h5py", "pydantic", "tomllib", "signal", "json", "matplotlib", "petsc4py", "scipy"):
         (tmp_path / f"{name}.py").write_text("open('executed', 'w').close()\n")
     (tmp_path / "s.toml").write_text("title = 1\n")
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI"))}
     environment |= {"PYTHONPATH": str(SOLVER), "MPLCONFIGDIR": str(tmp_path / "cache")}
     for command in (["check", "s.toml"], ["plot", "none.h5"]):
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "microslip", *command],
             cwd=tmp_path,
             env=environment,
@@ -403,12 +405,12 @@ def test_modules_and_settings_in_the_folder_are_not_taken(tmp_path):
             text=True,
             timeout=120,
         )
-        assert done.returncode == 2, done.stderr
+        assert process.returncode == 2, process.stderr
     assert not (tmp_path / "executed").exists()
 
 
-def test_options_of_petsc_in_the_folder_are_not_taken(tmp_path):
-    """Neither .petscrc nor petscrc of the folder, nor .petscrc of the home folder; what PETSc is told is what the command says."""
+def test_options_of_petsc_in_the_folder_are_ignored(tmp_path):
+    """.petscrc and petscrc of the folder, .petscrc of the home folder; PETSc has only the options of the command."""
     for name in (".petscrc", "petscrc"):
         (tmp_path / name).write_text("-from_a_file 1\n")
     program = (
@@ -418,29 +420,29 @@ def test_options_of_petsc_in_the_folder_are_not_taken(tmp_path):
     )
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI", "PETSC_OPTIONS"))}
     environment |= {"PYTHONPATH": str(SOLVER), "HOME": str(tmp_path)}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-P", "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
     )
-    assert "hb_snes_max_it" in done.stdout and "from_a_file" not in done.stdout, done.stderr
+    assert "hb_snes_max_it" in process.stdout and "from_a_file" not in process.stdout, process.stderr
 
 
-def test_pictures_take_nothing_from_a_matplotlibrc():
+def test_pictures_ignore_a_matplotlibrc():
     with matplotlib.rc_context({"text.usetex": True, "text.latex.preamble": r"\input{secret}", "font.size": 40.0}):
         with matplotlib.rc_context(RC):
             assert not matplotlib.rcParams["text.usetex"] and not matplotlib.rcParams["text.latex.preamble"]
             assert matplotlib.rcParams["font.size"] == RC["font.size"]
 
 
-def test_names_of_a_file_do_not_steer_the_terminal(capsys):
+def test_names_of_a_file_do_not_control_the_terminal(capsys):
     from microslip.guards.ending import _write_error
 
     _write_error("group \x1b]0;owned\x07 'blade' \u202e\n  second line")
-    said = capsys.readouterr().err
-    assert "\x1b" not in said and "\x07" not in said and said.endswith("\n  second line\n") and "'blade'" in said
+    message = capsys.readouterr().err
+    assert "\x1b" not in message and "\x07" not in message and message.endswith("\n  second line\n") and "'blade'" in message
 
 
-def test_the_verdict_of_the_fuzzers_finds_what_is_wrong(tmp_path):
-    """An oracle that cannot fail shows nothing."""
+def test_the_oracle_of_the_fuzzers_detects_a_fault(tmp_path):
+    """An oracle that cannot fail proves nothing."""
     from reader_targets import Target
 
     def gives_up(path):
@@ -451,7 +453,7 @@ def test_the_verdict_of_the_fuzzers_finds_what_is_wrong(tmp_path):
     assert inp(plain()).startswith("*Heading")
 
 
-def test_values_beyond_the_memory_that_is_left_are_refused(tmp_path, monkeypatch):
+def test_values_beyond_the_available_memory_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "memory_left_here", lambda: 1e8)
     with h5py.File(tmp_path / "file.h5", "w") as file:
         for name in ("first", "second", "third"):
@@ -464,7 +466,7 @@ def test_values_beyond_the_memory_that_is_left_are_refused(tmp_path, monkeypatch
         )
 
 
-def test_a_packed_matrix_beyond_the_memory_that_is_left_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+def test_a_packed_matrix_beyond_the_available_memory_is_refused_before_unpacking(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "memory_left_here", lambda: 5e7)
     big, other = np.zeros((2000, 2000)), np.zeros((3, 3))
     np.savez_compressed(tmp_path / "K.npz", K=big, other=other)
@@ -481,7 +483,7 @@ def test_a_packed_matrix_beyond_the_memory_that_is_left_is_refused_before_it_is_
         read_any(tmp_path / "rows.npz", "key", "K")
 
 
-def test_no_file_gets_more_memory_than_is_left(tmp_path, monkeypatch):
+def test_no_reader_gets_more_than_the_available_memory(tmp_path, monkeypatch):
     limits = []
     monkeypatch.setattr(memory, "memory_left_here", lambda: 5e8)
     monkeypatch.setattr(sandbox, "call", lambda *arguments, memory, **others: limits.append(memory))
@@ -495,16 +497,16 @@ def test_no_file_gets_more_memory_than_is_left(tmp_path, monkeypatch):
     assert limits == [5e8, 5e8, 2**28]
 
 
-def test_a_signal_while_a_library_reads_is_no_fault_of_the_file(tmp_path, monkeypatch):
-    def stopped(*_):
+def test_a_signal_during_a_read_is_not_reported_as_a_fault_of_the_file(tmp_path, monkeypatch):
+    def interrupted(*_):
         raise Interrupted("stopped by SIGTERM")
 
-    monkeypatch.setitem(matrices_read.READERS, ".mtx", stopped)
-    monkeypatch.setattr(via_meshio, "load_meshio", stopped)
+    monkeypatch.setitem(matrices_read.READERS, ".mtx", interrupted)
+    monkeypatch.setattr(via_meshio, "load_meshio", interrupted)
     (tmp_path / "K.mtx").touch()
     with pytest.raises(Interrupted):
         read_matrix(tmp_path / "K.mtx", "[model] stiffness", "K")
     with pytest.raises(Interrupted):
         via_meshio._read_quietly("model.vtk", "vtk")
     with pytest.raises(Interrupted), read_by_pynastran("a bulk data file"):
-        stopped()
+        interrupted()

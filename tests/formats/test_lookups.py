@@ -1,4 +1,4 @@
-"""What large files are read by: numbers looked up among others, supports alike, blocks of an archive passed over."""
+"""Helpers for large files: look-up of node numbers, groups of nodes with the same supports, line numbers of commands."""
 
 import numpy as np
 import pytest
@@ -11,10 +11,10 @@ from microslip.formats.model import fixed_alike, index_of
 @pytest.mark.parametrize("highest", [40, 400, 10**12])  # few holes, many, too many for a table
 @pytest.mark.parametrize("is_rising", [False, True])
 @pytest.mark.parametrize("n_wanted", [3, 500])
-def test_numbers_are_found_and_those_that_are_not_there_are_named(highest, is_rising, n_wanted):
+def test_numbers_are_located_and_missing_ones_returned(highest, is_rising, n_wanted):
     rng = np.random.default_rng(7)
     numbers = rng.permutation(np.unique(rng.integers(-5, highest, 30)))
-    numbers = np.sort(numbers) if is_rising else np.append(numbers, numbers[:2])  # the first one counts
+    numbers = np.sort(numbers) if is_rising else np.append(numbers, numbers[:2])  # the first of repeated numbers holds
     place = {int(number): i for i, number in reversed(list(enumerate(numbers)))}
     wanted = np.concatenate([rng.choice(numbers, n_wanted), [-(2**62), numbers.max() + 1]])
     index, missing = index_of(numbers, wanted)
@@ -22,20 +22,20 @@ def test_numbers_are_found_and_those_that_are_not_there_are_named(highest, is_ri
     assert index[:-2].tolist() == [place[int(number)] for number in wanted[:-2]]
 
 
-def test_numbers_may_be_decimals_and_none():
+def test_wanted_numbers_may_be_fractional_or_empty():
     index, missing = index_of(np.array([4, 2, 7]), np.array([7.0, 2.5, 4.0]))
     assert index[[0, 2]].tolist() == [2, 0] and missing.tolist() == [2.5]
     assert len(index_of(np.array([4, 2, 7]), np.array([]))[1]) == 0
     assert index_of(np.array([], dtype=np.int64), np.array([3]))[1].tolist() == [3]
 
 
-def test_nodes_are_joined_by_what_is_held():
+def test_nodes_are_grouped_by_their_supported_axes():
     fixed = np.array([[1, 1, 1], [0, 0, 0], [0, 0, 1], [1, 1, 1], [1, 0, 1]], dtype=bool)
     groups = [(axes, nodes.tolist()) for axes, nodes in fixed_alike(fixed)]
     assert groups == [((2,), [2]), ((0, 2), [4]), ((0, 1, 2), [0, 3])]
 
 
-def test_commands_of_an_archive_have_the_lines_that_they_stand_on(tmp_path):
+def test_commands_of_an_archive_have_their_line_numbers(tmp_path):
     path = tmp_path / "model.cdb"
     text = cdb(plain(), ("RLBLOCK,1,1,6,7", "(2i8,6g16.9)", "(7g16.9)", "       1       1  1.0", "MP,EX,9,1.0$MP,NUXY,9,0.3"))
     path.write_bytes(text.replace("\n", "\r\n").encode())

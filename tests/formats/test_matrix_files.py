@@ -1,4 +1,4 @@
-"""Matrices of other programs arrive whatever the format, and every fault of a file gives one message that names it."""
+"""Matrices of other programs are read from each format, and every fault of a file gives one message that names it."""
 
 import numpy as np
 import pytest
@@ -33,27 +33,27 @@ def message(path):
 
 @pytest.mark.parametrize("ending", ["mtx", "mat", "npz"])
 @pytest.mark.parametrize("form", [np.array, sp.csr_matrix, sp.csc_matrix, sp.coo_matrix])
-def test_every_format_holds_the_same_matrix(tmp_path, ending, form):
+def test_every_format_returns_the_same_matrix(tmp_path, ending, form):
     matrix = read_matrix(save(tmp_path / f"K.{ending}", form(K)), "[model] stiffness", "K").matrix
     assert matrix.dtype == float and sp.isspmatrix_csr(matrix)
     np.testing.assert_array_equal(matrix.toarray(), K)
 
 
 @pytest.mark.parametrize("ending", ["mat", "npz"])
-def test_of_several_variables_the_one_named_like_the_matrix_is_taken(tmp_path, ending):
+def test_of_several_variables_the_name_of_the_matrix_selects(tmp_path, ending):
     path = save(tmp_path / f"model.{ending}", 7.0 * K, K=K)
     np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").matrix.toarray(), K)
     with pytest.raises(CaseError, match="one variable, or with one named M; this one has K, value"):
         read_matrix(path, "[model] mass", "M")
 
 
-def test_entries_that_a_file_repeats_are_added_and_whole_numbers_will_do(tmp_path):
+def test_repeated_entries_are_added_and_integers_are_accepted(tmp_path):
     path = tmp_path / "K.MTX"
     path.write_text("%%MatrixMarket matrix coordinate integer symmetric\n% a comment\n2 2 3\n1 1 2\n1 1 3\n2 1 -1\n")
     np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").matrix.toarray(), [[5.0, -1.0], [-1.0, 0.0]])
 
 
-def test_what_rounding_left_of_symmetry_is_evened_out(tmp_path):
+def test_asymmetry_of_rounding_is_removed(tmp_path):
     noisy = K * (1.0 + 1e-12 * np.random.default_rng(1).standard_normal(K.shape))
     matrix = read_matrix(save(tmp_path / "K.npz", noisy), "[model] stiffness", "K").matrix.toarray()
     np.testing.assert_array_equal(matrix, matrix.T)
@@ -98,7 +98,7 @@ HEAD = "%%MatrixMarket matrix coordinate real symmetric\n"
         ("K.mat", "nothing", " cannot be read as a matrix: "),
     ],
 )
-def test_a_file_that_holds_no_matrix_is_named(tmp_path, name, content, expected):
+def test_a_file_without_matrix_is_named(tmp_path, name, content, expected):
     (tmp_path / name).write_text(content)
     assert message(tmp_path / name).startswith(expected)
 
@@ -108,7 +108,7 @@ def test_pickled_objects_are_refused(tmp_path):
     assert "Object arrays cannot be loaded" in message(tmp_path / "K.npz")
 
 
-def test_a_file_that_claims_more_than_memory_holds(tmp_path):
+def test_a_matrix_larger_than_memory_is_refused(tmp_path):
     (tmp_path / "K.mtx").write_text("%%MatrixMarket matrix array real general\n10000000 10000000\n1.0\n")
     with pytest.raises(ResourceError, match="not enough memory to read it"):
         read_matrix(tmp_path / "K.mtx", "[model] stiffness", "K")

@@ -1,5 +1,5 @@
-"""Every format gives back the matrix that went in, files that other programs wrote say what those programs say, and a damaged
-file of any format gives one message."""
+"""Each format returns the matrix that was written, files of other programs have the documented values, and a damaged file of
+any format gives one message."""
 
 import re
 import resource
@@ -36,7 +36,7 @@ def read(path, symbol="K", name=None):
 
 @contextmanager
 def bounded(n_bytes):
-    """Limit the memory of this process to what it has and ``n_bytes``."""
+    """Limit the memory of this process to ``n_bytes`` beyond its present size."""
     limits = resource.getrlimit(resource.RLIMIT_AS)
     mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (mapped + n_bytes, limits[1]))
@@ -47,7 +47,7 @@ def bounded(n_bytes):
 
 
 @pytest.mark.parametrize("ending", WRITERS)
-def test_the_matrix_comes_back(tmp_path, ending):
+def test_the_written_matrix_is_returned(tmp_path, ending):
     write, accuracy = WRITERS[ending]
     A, path = matrix(), tmp_path / f"A.{ending}"
     write(path, A, DOFS)
@@ -59,7 +59,7 @@ def test_the_matrix_comes_back(tmp_path, ending):
 
 
 @pytest.mark.parametrize("order, is_big", [("<", False), (">", False), (">", True)])
-def test_op4_of_any_machine_with_several_matrices(tmp_path, order, is_big):
+def test_op4_of_any_byte_order_with_several_matrices(tmp_path, order, is_big):
     A, path = matrix(), tmp_path / "model.op4"
     matrix_files.write_op4_binary(path, {"KGG": A, "MGG": 2.0 * A, "X": 3.0 * A}, order=order, is_big=is_big)
     np.testing.assert_array_equal(read(path).matrix.toarray(), A)
@@ -69,7 +69,7 @@ def test_op4_of_any_machine_with_several_matrices(tmp_path, order, is_big):
         read(path, "M", "Y")
 
 
-def test_a_superelement_of_ansys_has_rows_of_modes_and_may_be_a_triangle(tmp_path):
+def test_a_superelement_of_ansys_may_have_modes_and_be_a_triangle(tmp_path):
     A, path = matrix(), tmp_path / "se.sub"
     matrix_files.write_sub(path, A, DOFS[np.arange(6)], n_modes=3, is_triangle=True)
     computed = read(path)
@@ -81,7 +81,7 @@ def test_a_superelement_of_ansys_has_rows_of_modes_and_may_be_a_triangle(tmp_pat
 
 
 @pytest.mark.parametrize(
-    "place, value, said",
+    "place, value, message",
     [
         (0, 9, "not of a superelement with full"),
         (9, 1, "a form that is not"),
@@ -95,18 +95,18 @@ def test_a_superelement_of_ansys_has_rows_of_modes_and_may_be_a_triangle(tmp_pat
         (1, 8, "holds 9 numbers where 8 are expected"),
     ],
 )
-def test_a_superelement_of_another_form_is_refused(tmp_path, place, value, said):
+def test_a_superelement_of_another_form_is_refused(tmp_path, place, value, message):
     path = tmp_path / "se.sub"
     matrix_files.write_sub(path, matrix(), DOFS)
     content = np.frombuffer(path.read_bytes(), dtype="<i4").copy()
     content[103 + 2 + place] = value
     path.write_bytes(content.tobytes())
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=message):
         read(path)
 
 
-def test_superelements_whose_matrices_come_one_after_the_other_are_refused(tmp_path):
-    """Were the rows in another order than documented, the matrices would not be symmetric."""
+def test_superelements_with_rows_in_another_order_are_refused(tmp_path):
+    """With rows in another order than documented the matrices are not symmetric."""
     A, path = matrix(), tmp_path / "se.sub"
     matrix_files.write_sub(path, A, DOFS)
     content, n = path.read_bytes(), 4 * (2 * N + 3)
@@ -128,11 +128,11 @@ def test_dmig_in_small_fields_and_between_commas(tmp_path):
     assert [matrix.dofs.name(row) for row in (0, 1)] == ["node 5 x", "node 5 y"]
 
 
-# -- files that others wrote: tests/data/README.md --------------------------------------------------------------------
+# -- files of other programs: tests/data/README.md --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("file", ["mat_b_dn.op4", "mat_b_s2.op4", "mat_t_s1.op4"])
-def test_nastran_op4_in_three_forms_holds_the_same(file):
+def test_nastran_op4_in_three_forms_gives_the_same_matrices(file):
     np.testing.assert_array_equal(read(DATA / file, name="EYE10").matrix.toarray(), np.eye(10))
     named = {name: read_any(DATA / file, "k", "K", name, is_square=False).matrix.toarray() for name in ("RND1RD", "LOW")}
     assert named["LOW"].shape == (5, 7)
@@ -151,7 +151,7 @@ def test_nastran_op2_holds_products_that_nastran_formed():
     np.testing.assert_array_equal(BTA, B.T @ A)
 
 
-def test_nastran_punch_file_of_springs():
+def test_nastran_punch_file_has_the_stiffness_of_springs():
     matrix = read(DATA / "dmig.pch")
     K, row = matrix.matrix.toarray(), {node: i for i, node in enumerate(matrix.dofs.nodes)}
     assert (matrix.dofs.directions == 1).all() and K[row[101], row[101]] == 155.6 and K[row[106], row[105]] == -3002.7
@@ -160,7 +160,7 @@ def test_nastran_punch_file_of_springs():
 
 
 def test_abaqus_beam_has_the_stiffness_and_mass_of_theory():
-    """B33 of E = 100e6, G = 80e6, A = 0.25, I = 1.5e-4, J = 3e-4, rho = 100, L = 3; nodes below 0 are of Abaqus alone."""
+    """B33 of E = 100e6, G = 80e6, A = 0.25, I = 1.5e-4, J = 3e-4, rho = 100, L = 3; nodes below 0 are internal to Abaqus."""
     K, M = read(DATA / "model_STIF1.mtx"), read(DATA / "model_MASS1.mtx", "M")
     L, EI = 3.0, 100e6 * 1.5e-4
     row = {DofMap.name(K.dofs, i): i for i in range(len(K.dofs.nodes))}
@@ -172,29 +172,31 @@ def test_abaqus_beam_has_the_stiffness_and_mass_of_theory():
         ("node 1 rx", "node 1 rx", 80e6 * 3e-4 / L),
     ):
         assert A[row[first], row[second]] == pytest.approx(value, rel=1e-12)
-    own = [i for i, node in enumerate(K.dofs.nodes) if node < 0]
-    rest = [i for i, node in enumerate(K.dofs.nodes) if node > 0]
-    condensed = A[np.ix_(rest, rest)] - A[np.ix_(rest, own)] @ np.linalg.solve(A[np.ix_(own, own)], A[np.ix_(own, rest)])
-    at = rest.index(row["node 1 x"])
+    internal = [i for i, node in enumerate(K.dofs.nodes) if node < 0]
+    external = [i for i, node in enumerate(K.dofs.nodes) if node > 0]
+    condensed = A[np.ix_(external, external)] - A[np.ix_(external, internal)] @ np.linalg.solve(
+        A[np.ix_(internal, internal)], A[np.ix_(internal, external)]
+    )
+    at = external.index(row["node 1 x"])
     assert condensed[at, at] == pytest.approx(100e6 * 0.25 / L, rel=1e-12)  # without the middle node
     assert "2 DOFs belong to internal nodes of Abaqus" in K.notes[0]
     along_y = ((M.dofs.nodes > 0) & (M.dofs.directions == 2)).astype(float)
     assert along_y @ M.matrix @ along_y == pytest.approx(100.0 * 0.25 * 3.0, rel=1e-12)
 
 
-def test_matlab_wrote_versions_7_and_73():
+def test_files_of_matlab_7_are_read():
     values = read_any(DATA / "testhdf5_7.4_GLNX86.mat", "k", "K", is_square=False).matrix
     np.testing.assert_allclose(values, np.arange(9)[None, :] * np.pi / 4.0, atol=1e-15)
     sparse = read_any(DATA / "testsparse_7.4_GLNX86.mat", "k", "K", is_square=False).matrix
     assert sp.issparse(sparse) and sparse.shape == (3, 5)
 
 
-# -- what is wrong with a file ----------------------------------------------------------------------------------------
+# -- faults of a file ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ending", WRITERS)
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.3, 0.7, 0.97])
-def test_a_truncated_file_is_named_or_read_as_what_is_left(tmp_path, ending, share):
+def test_a_truncated_file_is_named_or_has_fewer_entries(tmp_path, ending, share):
     write, _ = WRITERS[ending]
     A, path = matrix(), tmp_path / f"A.{ending}"
     write(path, A, DOFS)
@@ -213,7 +215,7 @@ HUGE = "999999999999"
 
 
 @pytest.mark.parametrize(
-    "name, content, said",
+    "name, content, message",
     [
         ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1.0\n", "states 999999999999 rows"),
         (
@@ -245,9 +247,9 @@ HUGE = "999999999999"
         ("K.txt", "", "ending '.txt' is not one of " + ", ".join(ENDINGS)),
     ],
 )
-def test_a_file_that_is_no_matrix_is_named(tmp_path, name, content, said):
+def test_a_file_without_valid_matrix_is_named(tmp_path, name, content, message):
     (tmp_path / name).write_text(content)
-    with pytest.raises((CaseError, ResourceError), match=re.escape(said)):
+    with pytest.raises((CaseError, ResourceError), match=re.escape(message)):
         read(tmp_path / name)
 
 
@@ -273,18 +275,18 @@ def test_links_and_storage_outside_an_hdf5_file_are_not_followed(tmp_path):
         file.create_virtual_dataset("K", layout)
     with hdf5(tmp_path / "huge.mat") as file:
         file.create_dataset("K", (10**9, 10**9), "f8", chunks=(100, 100))
-    for name, said in (
+    for name, message in (
         ("external", f"K is a link to {secret}; links are not followed"),
         ("soft", "K is a link to another place"),
         ("raw", "lie in another file"),
         ("virtual", "lie in another file"),
         ("huge", "claims 8000000000000000000 bytes"),
     ):
-        with pytest.raises(CaseError, match=re.escape(said)):
+        with pytest.raises(CaseError, match=re.escape(message)):
             read(tmp_path / f"{name}.mat")
 
 
-def test_an_archive_that_claims_more_than_it_has(tmp_path):
+def test_an_archive_with_an_array_larger_than_its_data_is_refused(tmp_path):
     path = tmp_path / "K.npz"
     np.savez(path, K=np.eye(3))
     with zipfile.ZipFile(path) as archive:
@@ -306,16 +308,16 @@ def header(text: bytes) -> bytes:
     return len(text).to_bytes(2, "little") + text
 
 
-def test_objects_of_matlab_are_not_made():
+def test_objects_of_matlab_are_refused():
     with pytest.raises(CaseError, match="a matrix of numbers is needed"):
         read(DATA / "testobject_7.4_GLNX86.mat")
 
 
-# -- why some formats have a reader of this program: what the libraries make of their files --------------------------
+# -- faults of libraries, the reason for readers of this program --------------------------
 
 
-def test_entries_of_both_triangles_of_a_symmetric_list_count_once(tmp_path):
-    """SciPy adds the mirrored entries to them: twice the stiffness outside of the diagonal."""
+def test_entries_in_both_triangles_of_a_symmetric_list_count_once(tmp_path):
+    """SciPy adds the mirrored entries, which doubles the stiffness outside the diagonal."""
     path = tmp_path / "K.mtx"
     path.write_text("%%MatrixMarket matrix coordinate real symmetric\n2 2 4\n1 1 3D0\n1 2 -1.0\n2 1 -1.0\n2 2 3.0\n")
     np.testing.assert_array_equal(read(path).matrix.toarray(), [[3.0, -1.0], [-1.0, 3.0]])
@@ -334,7 +336,7 @@ def test_scipy_reads_no_symmetric_harwell_boeing_file(tmp_path):
         scipy.io.hb_read(path)
 
 
-def test_pynastran_reads_no_matrix_of_output2_whose_name_it_does_not_know(tmp_path):
+def test_pynastran_reads_no_matrix_of_output2_with_an_unknown_name(tmp_path):
     op2 = pytest.importorskip("pyNastran.op2.op2")
     path = tmp_path / "K.op2"
     matrix_files.write_op2(path, matrix(), name="SPRINGS")
@@ -344,8 +346,8 @@ def test_pynastran_reads_no_matrix_of_output2_whose_name_it_does_not_know(tmp_pa
             op2.OP2(log=None, debug=None, mode="msc").read_op2(str(file))
 
 
-def test_pynastran_fills_all_of_a_matrix_whose_columns_output4_writes_from_first_to_last_entry(tmp_path):
-    """A band of 20,000 rows: 1.4 MB, of which it makes 3.2 GB."""
+def test_pynastran_stores_a_band_matrix_of_output4_as_dense(tmp_path):
+    """A band of 20,000 rows takes 1.4 MB in the file and 3.2 GB in pyNastran."""
     op4 = pytest.importorskip("pyNastran.op4.op4")
     n, path = 20_000, tmp_path / "K.op4"
     number = struct.Struct("<3i3d")

@@ -1,4 +1,4 @@
-"""What scenes with nodes beside matrices may get wrong, a message each; and what the matrices are said to be."""
+"""Mistakes in scenes with matrices and nodes give a message each; notes describe the matrices."""
 
 import re
 
@@ -34,7 +34,7 @@ def text_of(folder, name, text):
 
 
 @pytest.mark.parametrize(
-    "file, old, new, said",
+    "file, old, new, message",
     [
         (
             "scene.toml",
@@ -75,30 +75,30 @@ def text_of(folder, name, text):
         ("calculix_blocks.dof", "5.1\n5.2\n", "5.1\n5.1\n", "rows 0 and 1, counted from 0, are both node 5 x"),
     ],
 )
-def test_a_mistake_gives_one_message(tmp_path, file, old, new, said):
+def test_a_mistake_gives_one_message(tmp_path, file, old, new, message):
     path = write_scene(tmp_path, OF_CALCULIX)
     change(tmp_path / file, old, new)
-    with pytest.raises((CaseError, MeshError), match=re.escape(said)) as caught:
+    with pytest.raises((CaseError, MeshError), match=re.escape(message)) as caught:
         structure(path)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    "table, said",
+    "table, message",
     [
         ("node,direction\n1,1\n", "dofs.csv: [model] dofs has 1 row, and the matrix has 36"),
         ("node,direction\n1,7\n", "dofs.csv, line 2: a node number and a direction from 1 (x) to 6"),
         ("node,axis\n1,1\n", "direction is missing"),
     ],
 )
-def test_a_table_of_rows_that_does_not_fit(tmp_path, table, said):
+def test_a_table_of_rows_that_does_not_fit_is_refused(tmp_path, table, message):
     path = write_scene(tmp_path, in_format(tmp_path, "npz"))
     text_of(tmp_path, "dofs.csv", table)
-    with pytest.raises(CaseError, match=re.escape(said)):
+    with pytest.raises(CaseError, match=re.escape(message)):
         structure(path)
 
 
-def test_nodes_without_rows_and_rows_without_nodes(tmp_path):
+def test_nodes_without_rows_and_repeated_nodes_are_refused(tmp_path):
     path = write_scene(tmp_path, in_format(tmp_path, "npz").replace('dofs = "dofs.csv"', 'nodes = "nodes.csv"'))
     text_of(tmp_path, "nodes.csv", "node,x,y,z\n5,0,0,0\n5,0,0,0\n")
     change(path, NODE_PAIRS, 'pairs = "none.csv"\n')
@@ -113,8 +113,8 @@ def test_nodes_without_rows_and_rows_without_nodes(tmp_path):
         structure(path)
 
 
-def test_a_direction_without_a_row(tmp_path):
-    """The load pushes along z, whose rows belong to no node."""
+def test_a_load_along_a_direction_without_a_row_is_refused(tmp_path):
+    """The load acts along z, whose rows belong to no node."""
     path = write_scene(tmp_path, in_format(tmp_path, "npz"))
     lines = (tmp_path / "dofs.csv").read_text().splitlines()
     text_of(tmp_path, "dofs.csv", "\n".join("0,0" if line == "17,3" else line for line in lines) + "\n")
@@ -125,22 +125,22 @@ def test_a_direction_without_a_row(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "recovery, said",
+    "recovery, message",
     [
         (np.ones((12, 30)), "[model] recovery is 12 x 30: u = T q needs a column for each of 36 rows"),
         (np.full((12, 36), np.nan), "[model] recovery has an entry that is not a finite number"),
         (np.ones((11, 36)), "[model] recovery_dofs has 12 rows, and the matrix has 11"),
     ],
 )
-def test_a_recovery_matrix_that_does_not_fit(tmp_path, recovery, said):
+def test_a_recovery_matrix_that_does_not_fit_is_refused(tmp_path, recovery, message):
     path = write_superelement(tmp_path)
     content = scipy.io.loadmat(tmp_path / "cb.mat")
     scipy.io.savemat(tmp_path / "cb.mat", {"K": content["K"], "M": content["M"], "T": recovery})
-    with pytest.raises(CaseError, match=re.escape(said)):
+    with pytest.raises(CaseError, match=re.escape(message)):
         structure(path)
 
 
-def test_pairs_by_rows_and_by_nodes_stand_side_by_side(tmp_path):
+def test_pairs_by_rows_and_pairs_by_nodes_may_be_combined(tmp_path):
     path = write_scene(tmp_path, OF_CALCULIX)
     text_of(tmp_path, "rows.csv", "x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n24,25,26,-1,-1,-1,0.3,1.0,0.0,1.0,2.0\n")
     change(path, "[[loads]]", '[[joints]]\nname = "stop"\npairs = "rows.csv"\n[[loads]]')
@@ -152,8 +152,8 @@ def test_pairs_by_rows_and_by_nodes_stand_side_by_side(tmp_path):
     np.testing.assert_allclose(given.R[3:] @ rigid, 0.0, atol=1e-15)
 
 
-def test_matrices_of_unlike_rows_are_brought_into_one_order(tmp_path):
-    """The mass names its rows in another order, and not those without mass."""
+def test_matrices_with_different_rows_are_reordered(tmp_path):
+    """The mass matrix has its rows in another order, and no massless rows."""
     K, M, dofs = calculix_blocks()
     write_dmig(tmp_path / "K.pch", K, dofs)
     order = np.random.default_rng(1).permutation(36)[3:]
@@ -165,37 +165,37 @@ def test_matrices_of_unlike_rows_are_brought_into_one_order(tmp_path):
     assert given.n_massless == 3
 
 
-def test_scenes_without_nodes_say_what_they_said(tmp_path):
+def test_scenes_without_nodes_have_notes_on_symmetry_and_definiteness(tmp_path):
     path = write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.4], (0.8, 2.4), outputs=[2])
     given = structure(path)
     assert given.places is None and given.mesh is None
     assert given.notes == ("symmetry: stiffness 0.0e+00, mass 0.0e+00 of the largest entry", "stiffness: no negative eigenvalue")
 
 
-# -- what the matrices are said to be ---------------------------------------------------------------------------------
+# -- notes on the matrices ---------------------------------------------------------------------------------
 
 
 def upper_block(scale=1.0):
-    """Return K, M and places of the upper block alone, which nothing holds."""
+    """Return K, M and places of the upper block, which has no supports."""
     K, M, dofs = calculix_blocks()
-    own = np.flatnonzero(dofs.nodes > 10)
+    rows = np.flatnonzero(dofs.nodes > 10)
     place = positions()
     numbers = np.arange(11, 19)
     mesh = Mesh("", scale * np.array([place[number] for number in numbers]), numbers, (), (), {})
     table = np.arange(24).reshape(8, 3)
-    return K[own][:, own], M[own][:, own], Places(mesh, table, sp.identity(24, format="csr"))
+    return K[rows][:, rows], M[rows][:, rows], Places(mesh, table, sp.identity(24, format="csr"))
 
 
-def test_a_free_block_has_six_rigid_motions_and_its_mass():
-    said = messages_on_matrices(*upper_block()[:2], {"stiffness": 0.0}, upper_block()[2])
-    assert said[1:] == [
+def test_notes_on_a_free_block_state_six_rigid_motions_and_its_mass():
+    notes = messages_on_matrices(*upper_block()[:2], {"stiffness": 0.0}, upper_block()[2])
+    assert notes[1:] == [
         "stiffness: no negative eigenvalue",
         "stiffness: 6 of 6 rigid motions strain nothing (along x, along y, along z, about x, about y, about z)",
         "mass: 7.8, 7.8, 7.8 kg along x, y, z (of rows with a node)",
     ]
 
 
-def test_each_part_is_told_by_itself(tmp_path):
+def test_each_disconnected_part_has_a_note(tmp_path):
     given = structure(write_scene(tmp_path, OF_CALCULIX + 'nodes = "calculix_blocks.inp"\n'))
     assert given.notes[2:4] == (
         "stiffness: part of 12 rows with node 5: it is held",
@@ -204,11 +204,11 @@ def test_each_part_is_told_by_itself(tmp_path):
     )
 
 
-def test_a_held_block_has_none_and_millimetres_are_suspected():
+def test_a_supported_block_has_no_rigid_motion_and_millimetres_are_suspected():
     K, M, places = upper_block(1000.0)
-    said = messages_on_matrices(K + 1e9 * sp.identity(24), M, {"stiffness": 0.0}, places)
-    assert said[2] == "stiffness: it is held"
-    assert said[4].startswith("units: 7.8 kg in a box of 1e+06 m3 is 7.8e-06 kg/m3")
+    notes = messages_on_matrices(K + 1e9 * sp.identity(24), M, {"stiffness": 0.0}, places)
+    assert notes[2] == "stiffness: it is held"
+    assert notes[4].startswith("units: 7.8 kg in a box of 1e+06 m3 is 7.8e-06 kg/m3")
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e8, 1e10, 3e10])

@@ -1,4 +1,4 @@
-"""Every model file that states materials, bodies and supports gives the response of the same model as a mesh with a scene."""
+"""Every format of model files gives the response of the same model given as a mesh and a scene."""
 
 import shutil
 import sys
@@ -33,20 +33,20 @@ WRITERS = {
     ".e": lambda path: exodus(plain(), path, hdf5=True),
 }
 ON_RANKS = (".inp", ".e")  # a text file and an HDF5 file
-SURFACES = {  # where sets have other names
+SURFACES = {  # formats in which sets have other names
     **dict.fromkeys((".bdf", ".fem"), ("SET 1", "SET 2")),
     ".dat": ("CONTA174 real 3", "TARGE170 real 3"),
     **dict.fromkeys((".vtu", ".vtk"), ("BAR_BOTTOM=1", "PLATE_TOP=1")),
 }
-MESH_ALONE = (".unv", ".exo", ".e", ".vtu", ".vtk")  # the scene states the rest
+MESH_ONLY = (".unv", ".exo", ".e", ".vtu", ".vtk")  # the scene states materials, bodies and supports
 
 
-def by_scene(bar="bar", plate="plate", held="PLATE_BASE"):
-    """Return what a file that is a mesh alone leaves to the scene; the names are those of its groups."""
+def by_scene(bar="bar", plate="plate", support="PLATE_BASE"):
+    """Return the tables that a scene states for a file with only a mesh; the names are those of its groups."""
     return {
         "materials": {"steel": STEEL},
         "bodies": {name: {"group": group, "material": "steel"} for name, group in (("bar", bar), ("plate", plate))},
-        "supports": ({"group": held, "fix": ("x", "y", "z")},),
+        "supports": ({"group": support, "fix": ("x", "y", "z")},),
     }
 
 
@@ -61,17 +61,19 @@ def response_of(scene):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder that all ranks share."""
+    """Return a folder that all ranks share."""
     return comm.bcast(tmp_path_factory.mktemp("formats"))
 
 
 @pytest.fixture(scope="module")
 def expected(folder):
-    """The response of the model as a plain mesh."""
+    """Return the response of the model as a plain mesh."""
     model = plain()
 
     def write():
-        cells = [("hexahedron", block) for block in model.elements] + [("vertex", own[:, None]) for own in model.sets.values()]
+        cells = [("hexahedron", block) for block in model.elements] + [
+            ("vertex", nodes[:, None]) for nodes in model.sets.values()
+        ]
         names = {name: np.array([k, 0 if k > 2 else 3]) for k, name in enumerate(["bar", "plate", *model.sets], 1)}
         tags = [np.full(len(block), k) for k, (_, block) in enumerate(cells, 1)]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
@@ -88,8 +90,8 @@ def expected(folder):
 )
 def test_a_model_file_gives_the_response_of_mesh_and_scene(expected, folder, ending):
     on_root(comm, lambda: (WRITERS[ending](folder / f"model{ending}"), None)[1])
-    own = BY_VALUES if ending.startswith(".vt") else by_scene()
-    stated = {**tables(f"model{ending}"), **(own if ending in MESH_ALONE else {})}
+    by_scene_tables = BY_VALUES if ending.startswith(".vt") else by_scene()
+    stated = {**tables(f"model{ending}"), **(by_scene_tables if ending in MESH_ONLY else {})}
     if ending in SURFACES:
         stated["joints"] = ({**stated["joints"][0], "surfaces": SURFACES[ending]},)
     omega, frequency, amplitude = response_of(scene_of(stated, folder / f"model{ending}.toml"))
@@ -99,8 +101,8 @@ def test_a_model_file_gives_the_response_of_mesh_and_scene(expected, folder, end
 
 
 @pytest.mark.slow
-def test_the_geometry_in_nastrans_output_runs_to_its_curve(folder):
-    """A brick as MSC Nastran wrote it, and the same from its bulk data, on ground by friction where it is held in the file."""
+def test_geometry_of_nastran_output_gives_the_curve_of_its_bulk_data(folder):
+    """A brick from an .op2 file of MSC Nastran and from its bulk data; friction on ground replaces the supports of the file."""
     on_root(comm, lambda: [shutil.copy(DATA / f"chexa20.{ending}", folder) for ending in ("op2", "bdf")] and None)
     curves = []
     for ending, of_apex in (("op2", ()), ("bdf", ("ABSNMVS", "ABSTRCT", "MDLPRM"))):
@@ -112,22 +114,22 @@ def test_the_geometry_in_nastrans_output_runs_to_its_curve(folder):
             "response": {**SCENE["response"], "levels": (0.1,)},
         }
         curves.append(response_of(scene_of({**SCENE, **scene}, folder / f"chexa20_{ending}.toml")))
-    for own, other in zip(*curves, strict=True):
-        np.testing.assert_allclose(own, other, rtol=1e-5)
+    for of_op2, of_bulk_data in zip(*curves, strict=True):
+        np.testing.assert_allclose(of_op2, of_bulk_data, rtol=1e-5)
 
 
 class Result:
-    """A results file of Ansys as ansys.mapdl.reader reads it, of the model that the archive beside it holds."""
+    """A result of ansys.mapdl.reader, with the model of the archive in the same folder."""
 
     def __init__(self, path, parse_vtk):
         self.mesh = mapdl_archive.Archive(path.replace(".rst", ".cdb"), parse_vtk=False)
         self.materials = {number: {"EX": YOUNG, "NUXY": POISSON, "DENS": DENSITY} for number in (1, 2)}
         keys = {number: dict(pairs) for number, pairs in self.mesh.key_option.items()}
-        self._element_table = {"keyopts": {n: [own.get(i, 0) for i in range(1, 12)] for n, own in keys.items()}}
+        self._element_table = {"keyopts": {n: [options.get(i, 0) for i in range(1, 12)] for n, options in keys.items()}}
 
     def nodal_boundary_conditions(self, number):
-        held = plain().numbers[plain().sets["PLATE_BASE"]]
-        return np.repeat(held, 3), np.tile([1, 2, 3], len(held)), np.zeros(3 * len(held))
+        supported = plain().numbers[plain().sets["PLATE_BASE"]]
+        return np.repeat(supported, 3), np.tile([1, 2, 3], len(supported)), np.zeros(3 * len(supported))
 
     def result_dof(self, number):
         return ["UX", "UY", "UZ"]
@@ -146,8 +148,8 @@ def test_a_results_file_gives_the_response_of_mesh_and_scene(expected, folder, m
     np.testing.assert_allclose(amplitude, expected[2], rtol=1e-6)
 
 
-def test_a_loaded_step_before_the_vibration_is_the_statics_of_a_scene(folder):
-    """Pressed down and pulled along, by the file or by the scene: the same joint at rest and the same modes, others than without."""
+def test_a_loaded_step_before_the_vibration_equals_the_statics_of_a_scene(folder):
+    """A normal and a tangential load, of the file or of the scene, give the same preloads and modes; without load they differ."""
     model, n = plain(), len(plain().sets["BAR_BOTTOM"])
     step = ("*Step", "*Static", "*Cload", "BAR_BOTTOM, 3, -2000.", "BAR_BOTTOM, 1, 30.", "*End Step")
     on_root(comm, lambda: (folder / "loaded.inp").write_text(inp(model, step)))

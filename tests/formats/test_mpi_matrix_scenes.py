@@ -1,4 +1,4 @@
-"""Matrices of every format run to the response of the mesh that they came from, with joints, loads and outputs by nodes."""
+"""Matrices of every format give the response of the original mesh, with joints, loads and outputs by nodes."""
 
 import numpy as np
 import pytest
@@ -22,9 +22,9 @@ from small_fe import assemble
 from microslip.parallel.agree import on_root
 
 pytestmark = pytest.mark.ranks(1, 2)
-ON_RANKS = ("mtx", "full")  # formats tried on several ranks, too: one that SciPy reads, and one of a program
+ON_RANKS = ("mtx", "full")  # formats also tested on several ranks: a format that SciPy reads, and a binary format of Ansys
 COMM = MPI.COMM_WORLD
-_reference: list = []  # by the first test that asks; tests share a communicator, not a folder
+_reference: list = []  # computed by the first test; tests share a communicator, not a folder
 
 
 def response(folder, write):
@@ -37,7 +37,7 @@ def response(folder, write):
 
 @pytest.fixture
 def reference(tmp_path_factory, shared_path):
-    """The same point of the scene with the mesh: two of its four pairs slip."""
+    """Return the same point of the scene with the mesh: two of its four pairs slip."""
     if not _reference:
         folder = on_root(COMM, lambda: (shared_path / "mesh").mkdir() or shared_path / "mesh")
         _reference.append(response(folder, lambda folder: write_scene(folder, OF_MESH, SURFACES)))
@@ -52,20 +52,20 @@ def assert_same(point, reference, tolerance):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", [pytest.param(one, marks=() if one in ON_RANKS else pytest.mark.ranks(1)) for one in WRITERS])
-def test_a_format_runs_to_the_response_of_the_mesh(shared_path, reference, ending):
+@pytest.mark.parametrize("ending", [pytest.param(end, marks=() if end in ON_RANKS else pytest.mark.ranks(1)) for end in WRITERS])
+def test_matrices_of_a_format_give_the_response_of_the_mesh(shared_path, reference, ending):
     point = response(shared_path, lambda folder: write_scene(folder, in_format(folder, ending)))
     assert_same(point, reference, 1e-6 if ending == "pch" else 1e-8)
 
 
-def test_calculix_matrices_with_its_own_mesh_surfaces_and_positions(shared_path, reference):
-    """Joint by surfaces and output by place, from the .inp that the matrices were made of; fields can be drawn on it."""
+def test_calculix_matrices_with_the_surfaces_and_positions_of_their_mesh(shared_path, reference):
+    """The joint is by surfaces and the output by position, from the .inp file of the matrices."""
     model = OF_CALCULIX + 'nodes = "calculix_blocks.inp"\n'
     point = response(shared_path, lambda folder: write_scene(folder, model, SURFACES, "position = [0.0, 0.1, 0.2]"))
     assert_same(point, reference, 1e-8)
 
 
-def test_a_table_of_nodes_gives_pairs_their_places_and_forces_may_name_nodes(shared_path, reference):
+def test_a_table_of_nodes_has_the_positions_and_forces_may_name_nodes(shared_path, reference):
     def write(folder):
         rows = [",".join(map(repr, [node, *map(float, x)])) for node, x in positions().items()]
         (folder / "nodes.csv").write_text("\n".join(["node,x,y,z", *rows]) + "\n")
@@ -76,7 +76,7 @@ def test_a_table_of_nodes_gives_pairs_their_places_and_forces_may_name_nodes(sha
     assert_same(response(shared_path, write), reference, 1e-8)
 
 
-def test_a_superelement_with_all_its_modes_moves_as_the_whole(shared_path, reference):
+def test_a_superelement_with_all_its_modes_is_exact(shared_path, reference):
     assert_same(response(shared_path, write_superelement), reference, 1e-8)
 
 
@@ -88,6 +88,6 @@ def test_the_stored_matrices_are_those_of_this_program():
     at = (3 * np.array(order)[:, None] + np.arange(3)).ravel()
     K_stored, M_stored, rows = calculix_blocks()
     upper = np.flatnonzero(rows.nodes > 10)
-    for own, stored in ((K, K_stored), (M, M_stored)):
-        mine, theirs = own.tocsr()[at][:, at].toarray(), stored[upper][:, upper].toarray()
-        np.testing.assert_allclose(mine, theirs, rtol=0.0, atol=1e-12 * np.abs(theirs).max())
+    for matrix, stored in ((K, K_stored), (M, M_stored)):
+        block, stored_block = matrix.tocsr()[at][:, at].toarray(), stored[upper][:, upper].toarray()
+        np.testing.assert_allclose(block, stored_block, rtol=0.0, atol=1e-12 * np.abs(stored_block).max())

@@ -1,4 +1,4 @@
-"""Every reader takes small files with some bytes changed: it returns something or says in one message what is at fault.
+"""Every reader returns a model or a single message for small files with some bytes changed.
 
 The quick part of fuzzing; ``jobs/bench/fuzz.py`` goes on for as long as it is let.
 """
@@ -12,11 +12,11 @@ from reader_seeds import SEEDS
 from reader_targets import TARGETS, verdict
 
 CASES = Path(__file__).parent / "fuzz_cases"
-SLOW = ("results", "mat", "exodus")  # a process of its own reads each file
+SLOW = ("results", "mat", "exodus")  # a separate process reads each file
 
 
 @pytest.mark.parametrize("case", sorted(CASES.iterdir()), ids=lambda path: path.name)
-def test_what_fuzzing_found_stays_mended(tmp_path, case):
+def test_cases_of_fuzzing_are_read_or_refused(tmp_path, case):
     target = TARGETS[case.name.partition("-")[0]]
     path = tmp_path / f"input{target.ending}"
     path.write_bytes(case.read_bytes())
@@ -24,7 +24,7 @@ def test_what_fuzzing_found_stays_mended(tmp_path, case):
 
 
 def changed(content: bytes, edits: list[tuple[int, int, bytes]]) -> bytes:
-    """Return a file with some bytes replaced by others, at places that are drawn for a file of any length."""
+    """Return a file with some bytes replaced, at random positions modulo its length."""
     for at, n, put in edits:
         start = at % (len(content) + 1)
         content = content[:start] + put + content[start + n :]
@@ -54,9 +54,9 @@ def test_changed_files_are_read_or_refused(seeds, name):
         suppress_health_check=list(HealthCheck),
     )
     @given(st.sampled_from(range(len(files[name]))), st.lists(edit, min_size=1, max_size=4), st.none() | st.floats(0.0, 1.0))
-    def one_file(i, edits, share):
+    def check_file(i, edits, share):
         content = changed(files[name][i], edits)
         path.write_bytes(content if share is None else content[: int(share * len(content))])
         assert verdict(target, path) is None
 
-    one_file()
+    check_file()

@@ -1,4 +1,4 @@
-"""Plain cards in fixed fields, read many at a time: the same as what pyNastran makes of them."""
+"""Plain cards in fixed fields are read in bulk, with the same result as pyNastran."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def fixed(text: str, width: int) -> str:
 
 
 def _real(value: str, width: int) -> str:
-    """Return a number as Nastran's own programs shorten it: 2.5-2."""
+    """Return a number in the short form of Nastran: 2.5-2."""
     mantissa, _, exponent = value.partition("E")
     return f"{float(mantissa):.{width - 6}f}"[: width - 3] + f"{int(exponent):+d}" if width == 8 else value.replace("E", "D")
 
@@ -49,10 +49,10 @@ def compare(computed, expected):
     np.testing.assert_array_equal(computed.numbers, expected.numbers)
     np.testing.assert_array_equal(computed.points, expected.points)
     assert [cells.kind for cells in computed.cells] == [cells.kind for cells in expected.cells]
-    for own, other in zip(computed.cells, expected.cells):
-        order = np.argsort(own.numbers)
-        np.testing.assert_array_equal(own.numbers[order], other.numbers)
-        np.testing.assert_array_equal(own.nodes[order], other.nodes)
+    for cells, other in zip(computed.cells, expected.cells):
+        order = np.argsort(cells.numbers)
+        np.testing.assert_array_equal(cells.numbers[order], other.numbers)
+        np.testing.assert_array_equal(cells.nodes[order], other.nodes)
     assert (
         computed.bodies == expected.bodies and computed.supports == expected.supports and computed.findings == expected.findings
     )
@@ -60,7 +60,7 @@ def compare(computed, expected):
 
 @pytest.mark.parametrize("width", [8, 16])
 @pytest.mark.parametrize("kind", KINDS)
-def test_all_cards_in_fixed_fields_are_taken_at_once(tmp_path, monkeypatch, kind, width):
+def test_cards_in_fixed_fields_are_read_in_bulk(tmp_path, monkeypatch, kind, width):
     model, path = plain(kind), tmp_path / "model.bdf"
     path.write_text(fixed(bdf(model), width))
     taken = take_plain(path.read_bytes())
@@ -71,7 +71,7 @@ def test_all_cards_in_fixed_fields_are_taken_at_once(tmp_path, monkeypatch, kind
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_cards_in_free_fields_are_taken_at_once(tmp_path, monkeypatch, kind):
+def test_cards_in_free_fields_are_read_in_bulk(tmp_path, monkeypatch, kind):
     text = bdf(plain(kind)).replace("\n*,", ",,,,")  # GRID*,n,,x,y with its second line
     lines = [_free(line) if line.startswith("GRID*") else line for line in text.split("\n")]
     (tmp_path / "m.bdf").write_text("\n".join(lines))
@@ -80,7 +80,7 @@ def test_cards_in_free_fields_are_taken_at_once(tmp_path, monkeypatch, kind):
 
 
 def _free(line: str) -> str:
-    """Return a grid point of the fields that plain_model writes as one line of free fields."""
+    """Return a grid point in one line of free fields, from the fields that plain_model writes."""
     _, number, _, x, y, *_, z = line.split(",")
     return f"GRID, {number} ,,{float(x)!r},{float(y)!r}, {float(z)!r},\r"
 
@@ -103,15 +103,15 @@ def _free(line: str) -> str:
         (b"SET 1 = 1,2,3,\n4,5", None),
     ],
 )
-def test_what_fits_is_put_into_fixed_fields(card, fixed):
+def test_cards_are_converted_to_fixed_fields_where_they_fit(card, fixed):
     assert in_fixed_fields(b"BEGIN BULK\n" + card + b"\nENDDATA") == b"BEGIN BULK\n" + (fixed or card) + b"\nENDDATA"
 
 
-def test_what_is_more_than_plain_is_left_to_pynastran(tmp_path, monkeypatch):
+def test_cards_with_further_fields_are_left_to_pynastran(tmp_path, monkeypatch):
     lines, path = fixed(bdf(plain("wedge15")), 8).replace("\n", "\r\n").split("\n"), tmp_path / "model.bdf"
     grid = next(i for i, line in enumerate(lines) if line.startswith("GRID"))
-    lines[grid] = lines[grid].rstrip("\r").ljust(48) + "       7"  # turned axes of its displacements
-    lines[grid + 1] = lines[grid + 1].rstrip("\r").ljust(56) + "     123"  # held
+    lines[grid] = lines[grid].rstrip("\r").ljust(48) + "       7"  # rotated axes of its displacements
+    lines[grid + 1] = lines[grid + 1].rstrip("\r").ljust(56) + "     123"  # supported
     lines[grid + 2] = "GRID," + ",".join(lines[grid + 2][k : k + 8].strip() for k in range(8, 48, 8))
     wedge = next(i for i, line in enumerate(lines) if line.startswith("CPENTA"))
     lines[wedge + 1 : wedge + 1] = ["$ a remark between its lines", ""]
@@ -123,7 +123,7 @@ def test_what_is_more_than_plain_is_left_to_pynastran(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "change, says",
+    "change, message",
     [
         (lambda line: line[:8] + "     1x1" + line[16:], "cannot be read as Nastran bulk data"),
         (lambda line: line[:24] + "  1.2.3 " + line[32:], "cannot be read as Nastran bulk data"),
@@ -132,15 +132,15 @@ def test_what_is_more_than_plain_is_left_to_pynastran(tmp_path, monkeypatch):
         (lambda line: line[:8] + "   99999" + line[16:], "names grid point"),
     ],
 )
-def test_damaged_cards_in_fixed_fields_are_refused(tmp_path, change, says):
+def test_damaged_cards_in_fixed_fields_are_refused(tmp_path, change, message):
     lines, path = fixed(bdf(plain()), 8).split("\n"), tmp_path / "model.bdf"
     i = next(i for i, line in enumerate(lines) if line.startswith("GRID"))
     lines[i] = change(lines[i])
     path.write_text("\n".join(lines))
-    with pytest.raises(MeshError, match=f"model.bdf: .*{says}"):
+    with pytest.raises(MeshError, match=f"model.bdf: .*{message}"):
         read_model(path)
 
 
 @pytest.mark.parametrize("more", ["GRDSET,,,,,,,123", "CORD1R,7,101,102,103"])
-def test_cards_that_give_grid_points_more_meaning_leave_all_to_pynastran(more):
+def test_cards_that_change_the_meaning_of_grid_points_leave_all_to_pynastran(more):
     assert len(take_plain(fixed(bdf(plain(), (more,)), 8).encode()).numbers) == 0

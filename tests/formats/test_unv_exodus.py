@@ -1,4 +1,4 @@
-"""Universal and Exodus files: every solid, groups and sides, and what is damaged or refers to other files."""
+"""Universal and Exodus files: all solids, groups and sides, damaged files and links to other files."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ def check(computed, model):
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "tet4", "tet10"])
-def test_universal_files_keep_nodes_numbers_and_groups(tmp_path, kind):
+def test_universal_files_have_nodes_numbers_and_groups(tmp_path, kind):
     (tmp_path / "model.unv").write_text(unv(plain(kind)))
     check(read_model(tmp_path / "model.unv"), plain(kind))
 
@@ -40,7 +40,7 @@ def test_a_universal_file_of_gmsh_is_the_unit_cube():
 
 
 def test_pyuff_reads_neither_groups_nor_large_elements_that_gmsh_writes():
-    """Why universal files have a reader of this program: of a hex20 the second line of nodes counts as another element."""
+    """The reason for a reader of this program: pyuff reads the second line of nodes of a hex20 as another element."""
     file = pytest.importorskip("pyuff").UFF(str(DATA / "gmsh_hex20.unv"))
     types = list(file.get_set_types())
     assert 2477 in types and list(file.read_sets(types.index(2477))) == ["type"]
@@ -50,7 +50,7 @@ def test_pyuff_reads_neither_groups_nor_large_elements_that_gmsh_writes():
 
 @pytest.mark.parametrize("hdf5", [False, True])
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet4", "tet10"])
-def test_exodus_files_keep_nodes_numbers_and_sets(tmp_path, kind, hdf5):
+def test_exodus_files_have_nodes_numbers_and_sets(tmp_path, kind, hdf5):
     exodus(plain(kind), tmp_path / "model.e", hdf5)
     model = read_model(tmp_path / "model.e")
     check(model, plain(kind))
@@ -60,7 +60,7 @@ def test_exodus_files_keep_nodes_numbers_and_sets(tmp_path, kind, hdf5):
         ) == set(plain(kind).sets["BAR_BOTTOM"])
 
 
-def test_empty_blocks_and_sets_of_an_exodus_file_hide_no_others(tmp_path):
+def test_empty_blocks_and_sets_of_an_exodus_file_do_not_shift_others(tmp_path):
     model = plain()
     exodus(model, tmp_path / "m.exo", hdf5=True)
     with h5py.File(tmp_path / "m.exo", "r+") as file:
@@ -82,7 +82,7 @@ def test_empty_blocks_and_sets_of_an_exodus_file_hide_no_others(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "change, says",
+    "change, message",
     [
         (lambda text: text[: len(text) // 2], "a data set does not end; the file is truncated"),
         (
@@ -99,9 +99,9 @@ def test_empty_blocks_and_sets_of_an_exodus_file_hide_no_others(tmp_path):
         (lambda text: "nonsense\n", "holds no nodes"),
     ],
 )
-def test_damaged_universal_files_are_rejected(tmp_path, change, says):
+def test_damaged_universal_files_are_refused(tmp_path, change, message):
     (tmp_path / "model.unv").write_text(change(unv(plain())))
-    with pytest.raises(CaseError, match=f"model.unv: .*{says}"):
+    with pytest.raises(CaseError, match=f"model.unv: .*{message}"):
         read_model(tmp_path / "model.unv")
 
 
@@ -136,8 +136,8 @@ def test_exodus_files_that_refer_to_others_or_are_damaged_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("kind, n_findings", [(0, 0), (1, 1)])
-def test_systems_of_a_universal_file_that_are_not_cartesian_are_reported(tmp_path, kind, n_findings):
-    matrix = "".join("   0.0   0.0   0.0\n" for _ in range(4))
-    systems = f"    -1\n  2420\n         1\nPart\n         1{kind:10d}         0\nglobal\n{matrix}    -1\n"
+def test_curvilinear_systems_of_a_universal_file_are_reported(tmp_path, kind, n_findings):
+    rows = "".join("   0.0   0.0   0.0\n" for _ in range(4))
+    systems = f"    -1\n  2420\n         1\nPart\n         1{kind:10d}         0\nglobal\n{rows}    -1\n"
     (tmp_path / "model.unv").write_text(systems + unv(plain()))
-    assert [one.word for one in read_model(tmp_path / "model.unv").findings] == ["data set 2420"] * n_findings
+    assert [finding.word for finding in read_model(tmp_path / "model.unv").findings] == ["data set 2420"] * n_findings

@@ -1,4 +1,4 @@
-"""Cells that meshio 5.3 reads and cannot hold: completed where that is needed, refused in words where it cannot be done."""
+"""Cells that meshio 5.3 reads but does not store: the program completes its table, or refuses them with a message."""
 
 from pathlib import Path
 
@@ -16,32 +16,32 @@ KINDS = {"wedge15": 15, "pyramid13": 13}
 TABLE = meshio._mesh.topological_dimension
 
 
-def without_them(monkeypatch):
+def remove_cells(monkeypatch):
     for kind in KINDS:
         monkeypatch.delitem(TABLE, kind, raising=False)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_quadratic_wedges_and_pyramids_are_read(tmp_path, monkeypatch, kind):
-    without_them(monkeypatch)
+    remove_cells(monkeypatch)
     with pytest.raises(KeyError):
         meshio.CellBlock(kind, np.zeros((0, KINDS[kind]), dtype=np.int64))
     points = np.arange(3.0 * KINDS[kind]).reshape(-1, 3)
     load_meshio().Mesh(points, [(kind, [np.arange(KINDS[kind])])]).write(tmp_path / "one.vtu")
-    without_them(monkeypatch)
+    remove_cells(monkeypatch)
     (cells,) = read_model(tmp_path / "one.vtu").cells
     assert (cells.kind, cells.nodes.shape) == (kind, (1, KINDS[kind]))
 
 
-def test_a_version_that_knows_the_cells_is_left_alone(monkeypatch):
-    without_them(monkeypatch)
+def test_a_version_with_these_cells_is_not_changed(monkeypatch):
+    remove_cells(monkeypatch)
     monkeypatch.setattr(meshio, "CellBlock", lambda kind, nodes: None)
     load_meshio()
     assert not TABLE.keys() & KINDS.keys()
 
 
 @pytest.mark.parametrize("ending", ["vtu", "vtk"])
-def test_volumes_without_any_group_are_one(tmp_path, ending):
+def test_volumes_without_groups_form_one_group(tmp_path, ending):
     points = np.vstack([np.zeros(3), np.eye(3)])
     cells = [("triangle", [[0, 1, 2]]), ("tetra", [[0, 1, 2, 3]])]
     meshio.Mesh(points, cells).write(tmp_path / f"one.{ending}")
@@ -51,7 +51,7 @@ def test_volumes_without_any_group_are_one(tmp_path, ending):
     assert any("'all'" in note for note in model.notes)
 
 
-def test_files_of_vtk_4_have_the_integers_of_vtk_9(tmp_path):
+def test_files_of_vtk_4_may_have_integers_of_vtk_9(tmp_path):
     path = tmp_path / "one.vtk"
     path.write_text(
         "# vtk DataFile Version 4.1\none\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\n"
@@ -60,10 +60,10 @@ def test_files_of_vtk_4_have_the_integers_of_vtk_9(tmp_path):
     assert list(read_model(path).groups) == ["part=7"]
 
 
-def test_a_version_without_its_table_is_refused_in_words(tmp_path, monkeypatch):
+def test_a_version_without_the_table_is_refused_with_a_message(tmp_path, monkeypatch):
     path = tmp_path / "one.vtu"
     load_meshio().Mesh(np.eye(4)[:, :3], [("tetra", [[0, 1, 2, 3]])]).write(path)
-    without_them(monkeypatch)
+    remove_cells(monkeypatch)
     table = dict(TABLE)
     monkeypatch.setattr(meshio, "CellBlock", lambda kind, nodes: table[kind])
     monkeypatch.delattr(meshio._mesh, "topological_dimension")
@@ -71,8 +71,8 @@ def test_a_version_without_its_table_is_refused_in_words(tmp_path, monkeypatch):
         read_model(path)
 
 
-def test_meshio_keeps_no_numbers_of_a_gmsh_file(tmp_path):
-    """Why Gmsh's format has a reader of its own: numbers of nodes and elements do not begin with 1."""
+def test_meshio_drops_the_numbers_of_a_gmsh_file(tmp_path):
+    """The reason for a reader of this program: numbers of nodes and elements need not begin with 1."""
     nodes = "4\n11 0 0 0\n12 1 0 0\n13 0 1 0\n14 0 0 1\n"
     elements = "2\n7 4 2 1 1 11 12 13 14\n8 4 2 2 1 11 12 13 14\n"
     names = '2\n3 1 "block"\n3 2 "all"\n'
@@ -85,20 +85,20 @@ def test_meshio_keeps_no_numbers_of_a_gmsh_file(tmp_path):
     assert model.numbers.tolist() == [11, 12, 13, 14] and model.cells[0].numbers.tolist() == [7, 8]
     assert {"block", "all"} <= set(model.groups)
     mesh = meshio.read(path, file_format="gmsh")
-    kept = [*mesh.point_data.values(), *(part for parts in mesh.cell_data.values() for part in parts)]
-    assert not any({11, 7} & set(np.ravel(values).tolist()) for values in kept)
+    data = [*mesh.point_data.values(), *(part for parts in mesh.cell_data.values() for part in parts)]
+    assert not any({11, 7} & set(np.ravel(values).tolist()) for values in data)
 
 
 @pytest.mark.parametrize("name", ["pyvista.vtu", "pyvista_raw.vtu"])
-def test_files_with_texts_are_read_without_them(name):
-    """pyvista writes field data as texts, which meshio takes for damage."""
+def test_texts_in_field_data_are_ignored(name):
+    """pyvista writes texts as field data, which meshio reports as damage."""
     model = read_model(DATA / name)
     (cells,) = model.cells
     assert cells.kind == "hex8" and cells.nodes.tolist() == [list(range(8)), list(range(4, 12))]
     assert set(model.groups) == {"body=1", "body=2"} and model.fields["T"].tolist() == np.repeat([0.0, 1.0, 2.0], 4).tolist()
 
 
-def test_a_compression_that_is_not_read_is_named(tmp_path):
+def test_an_unsupported_compression_is_named(tmp_path):
     path = tmp_path / "one.vtu"
     path.write_bytes((DATA / "pyvista.vtu").read_bytes().replace(b"vtkZLibDataCompressor", b"vtkLZ4DataCompressor"))
     with pytest.raises(MeshError, match="compressed by LZ4.*save it with zlib"):
