@@ -1,4 +1,4 @@
-"""K, M and the maps: equal to a plain serial assembly on any number of ranks, and right by mechanics."""
+"""K, M and the maps equal a serial dense assembly on any number of ranks, and satisfy mechanics."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def bend(mesh):
     return mesh
 
 
-def one_body(kind, n=(2, 2, 2)):
+def single_body(kind, n=(2, 2, 2)):
     return bend(mesh_of(("block", kind, *box(kind, n)), groups=BOTTOM))
 
 
@@ -41,7 +41,7 @@ def stack(kind="hex20"):
 
 
 def system_of(mesh, case):
-    """Return system and pairs as run.py makes them; every rank holds the mesh, only rank 0 may use it."""
+    """Return system and pairs as in run.py; every rank has the mesh, but only rank 0 passes it on."""
     pairs = pair_contacts(mesh, case.joints)
     on_root = mesh if comm.rank == 0 else None
     return assemble(distribute(on_root, case, comm), on_root, pairs, case), pairs
@@ -70,17 +70,17 @@ def serial(mesh, case):
 
 
 def assert_equal_matrices(system, mesh, case):
-    kept = system.dof.ravel() >= 0
-    order = system.dof.ravel()[kept]
-    for own, reference in zip((system.K, system.M), serial(mesh, case), strict=True):
-        wanted = reference[kept][:, kept]
-        difference = gathered(own)[order][:, order] - wanted
-        assert abs(difference).max() <= 1e-12 * abs(wanted).max()
+    is_free = system.dof.ravel() >= 0
+    order = system.dof.ravel()[is_free]
+    for matrix, reference in zip((system.K, system.M), serial(mesh, case), strict=True):
+        expected = reference[is_free][:, is_free]
+        difference = gathered(matrix)[order][:, order] - expected
+        assert abs(difference).max() <= 1e-12 * abs(expected).max()
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_equals_serial_assembly(kind):
-    mesh, case = one_body(kind), settings({"block": "block"}, [("base", ["x", "z"])])
+    mesh, case = single_body(kind), settings({"block": "block"}, [("base", ["x", "z"])])
     system, _ = system_of(mesh, case)
     assert system.n_dof == 3 * len(mesh.points) - 2 * len(mesh.node_groups["base"])
     assert_equal_matrices(system, mesh, case)
@@ -88,7 +88,7 @@ def test_equals_serial_assembly(kind):
 
 
 def of_fibres(mesh, supports=()):
-    """Return settings of one body whose fibres lie around an axis."""
+    """Return settings of a body whose fibres are wound around an axis."""
     wound = Material(
         young=(1.4e11, 1e10, 2e10),
         poisson=(0.28, 0.31, 0.4),
@@ -101,19 +101,19 @@ def of_fibres(mesh, supports=()):
 
 
 @pytest.mark.parametrize("kind", ["hex8", "tet10"])
-def test_a_material_with_axes_equals_serial_assembly(kind):
-    mesh = one_body(kind)
+def test_an_anisotropic_material_equals_serial_assembly(kind):
+    mesh = single_body(kind)
     case = of_fibres(mesh, [("base", ["x", "z"])])
     assert_equal_matrices(system_of(mesh, case)[0], mesh, case)
 
 
-def test_small_pieces_give_the_same_matrices(monkeypatch):
+def test_assembly_in_small_chunks_gives_the_same_matrices(monkeypatch):
     monkeypatch.setattr(blocks_module, "_CHUNK_BYTES", 1e5)  # 3 elements at a time
-    mesh, case = one_body("hex20"), settings({"block": "block"}, [("base", ["x", "z"])])
+    mesh, case = single_body("hex20"), settings({"block": "block"}, [("base", ["x", "z"])])
     assert_equal_matrices(system_of(mesh, case)[0], mesh, case)
 
 
-def test_mixed_kinds_and_a_fully_fixed_base():
+def test_mixed_kinds_and_several_supports_equal_serial_assembly():
     mesh = bend(
         mesh_of(
             ("low", "hex20", *box("hex20")),
@@ -134,8 +134,8 @@ def test_mixed_kinds_and_a_fully_fixed_base():
     assert_equal_matrices(system, mesh, case)
 
 
-def test_rows_are_contiguous_per_rank_and_node_after_node():
-    mesh, case = one_body("hex20"), settings({"block": "block"}, [("base", ["y"])])
+def test_rows_are_contiguous_on_each_rank_and_ordered_by_node():
+    mesh, case = single_body("hex20"), settings({"block": "block"}, [("base", ["y"])])
     system, _ = system_of(mesh, case)
     dof = system.dof[system.dof >= 0]
     np.testing.assert_array_equal(np.sort(dof), np.arange(system.n_dof))
@@ -146,10 +146,10 @@ def test_rows_are_contiguous_per_rank_and_node_after_node():
 
 
 def rigid_modes(mesh, system):
-    """Return the six rigid motions on the free rows, (n_dof, 6)."""
+    """Return the six rigid motions in the free rows, (n_dof, 6)."""
     x, y, z = mesh.points.T
-    one, zero = np.ones(len(x)), np.zeros(len(x))
-    motions = [(one, zero, zero), (zero, one, zero), (zero, zero, one), (zero, -z, y), (z, zero, -x), (-y, x, zero)]
+    ones, zeros = np.ones(len(x)), np.zeros(len(x))
+    motions = [(ones, zeros, zeros), (zeros, ones, zeros), (zeros, zeros, ones), (zeros, -z, y), (z, zeros, -x), (-y, x, zeros)]
     modes = np.zeros((system.n_dof, 6))
     for column, motion in enumerate(motions):
         field = np.stack(motion, axis=1)
@@ -158,9 +158,9 @@ def rigid_modes(mesh, system):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_rigid_motion_costs_nothing_and_weighs_the_mass(kind):
-    """One node is fixed, so that the scene is valid; rows of elements without it see the whole motion."""
-    mesh, case = one_body(kind), settings({"block": "block"}, [("base", ["x"])])
+def test_rigid_motion_has_no_forces_and_the_mass_of_the_body(kind):
+    """A single node is fixed, so that the scene is valid; rows without coupling to it have the complete motion."""
+    mesh, case = single_body(kind), settings({"block": "block"}, [("base", ["x"])])
     mesh.node_groups["base"] = np.array([0])
     system, _ = system_of(mesh, case)
     K, modes = gathered(system.K), rigid_modes(mesh, system)
@@ -174,7 +174,7 @@ def test_rigid_motion_costs_nothing_and_weighs_the_mass(kind):
     assert mass == pytest.approx(steel.density * volume, rel=1e-12)
 
 
-def test_relative_motion_of_the_pairs():
+def test_R_gives_the_relative_motion_of_the_pairs():
     mesh = stack()
     case = settings({"low": "low", "high": "high"}, [("base", ["x", "y", "z"])], [joint()])
     system, pairs = system_of(mesh, case)
@@ -191,7 +191,7 @@ def test_relative_motion_of_the_pairs():
     assert ((system.R @ opens)[2::3] > 0.9).all()
 
 
-def test_ground_and_fixed_partners_drop_out_of_R():
+def test_fixed_partners_have_no_entries_in_R():
     mesh = stack()
     case = settings({"low": "low", "high": "high"}, [("low", ["x", "y", "z"])], [joint()])
     system, pairs = system_of(mesh, case)
@@ -200,7 +200,7 @@ def test_ground_and_fixed_partners_drop_out_of_R():
     np.testing.assert_allclose((system.R @ u).reshape(-1, 3), -pairs.frame[:, :, 2], atol=1e-13)
 
 
-def test_a_joint_whose_both_sides_are_fixed_is_refused():
+def test_a_joint_with_both_sides_fixed_is_refused():
     mesh = stack()
     bodies, sides = {"low": "low", "high": "high"}, [("lower_top", "xyz"), ("upper_bottom", "xyz")]
     with pytest.raises(CaseError, match=r"joint 'joint': .*both sides of all its \d+ pairs"):
@@ -209,18 +209,18 @@ def test_a_joint_whose_both_sides_are_fixed_is_refused():
     assert not system.notes
 
 
-def test_pairs_fixed_on_both_sides_are_counted():
+def test_pairs_fixed_on_both_sides_are_reported():
     mesh = stack()
     for name in ("lower_top", "upper_bottom"):
         side = mesh.node_groups[name]
-        mesh.node_groups[f"held_{name}"] = side[np.argsort(mesh.points[side, 0])[:3]]
-    supports = [("held_lower_top", "xyz"), ("held_upper_bottom", "xyz")]
+        mesh.node_groups[f"fixed_{name}"] = side[np.argsort(mesh.points[side, 0])[:3]]
+    supports = [("fixed_lower_top", "xyz"), ("fixed_upper_bottom", "xyz")]
     system, pairs = system_of(mesh, settings({"low": "low", "high": "high"}, supports, [joint()]))
-    still = np.flatnonzero(np.diff(system.R.indptr).reshape(-1, 3).sum(axis=1) == 0)
-    assert len(still) == 3 and f"both sides of 3 of its {pairs.n_pairs} pairs" in system.notes[0]
+    immobile = np.flatnonzero(np.diff(system.R.indptr).reshape(-1, 3).sum(axis=1) == 0)
+    assert len(immobile) == 3 and f"both sides of 3 of its {pairs.n_pairs} pairs" in system.notes[0]
 
 
-def test_loads_and_outputs():
+def test_loads_and_outputs_on_free_and_fixed_nodes():
     mesh = stack()
     tip = int(mesh.numbers[-1])
     case = settings(
@@ -245,7 +245,7 @@ def test_loads_and_outputs():
     assert not outputs[1].any()
 
 
-def test_parts_of_the_rows():
+def test_rows_have_the_part_of_their_body():
     mesh = stack()
     case = settings({"disc": "low", "blade": "high"}, [("base", ["x", "y", "z"])], [joint()])
     system, _ = system_of(mesh, case)
@@ -256,7 +256,7 @@ def test_parts_of_the_rows():
 
 
 def test_a_rank_may_own_nothing():
-    mesh, case = one_body("hex8", (1, 1, 1)), settings({"block": "block"}, [("base", ["x", "y", "z"])])
+    mesh, case = single_body("hex8", (1, 1, 1)), settings({"block": "block"}, [("base", ["x", "y", "z"])])
     system, _ = system_of(mesh, case)
     assert system.K.getLocalSize()[0] == (12 if comm.rank == 0 else 0)
     assert_equal_matrices(system, mesh, case)
@@ -266,14 +266,14 @@ def test_a_rank_may_own_nothing():
     assert np.isfinite(y.norm())
 
 
-def test_matrices_say_that_they_are_symmetric():
-    system, _ = system_of(one_body("tet4"), settings({"block": "block"}, [("base", ["x", "y", "z"])]))
+def test_matrices_are_marked_as_symmetric():
+    system, _ = system_of(single_body("tet4"), settings({"block": "block"}, [("base", ["x", "y", "z"])]))
     assert system.K.isSymmetricKnown() == (True, True) and system.M.isSymmetricKnown() == (True, True)
     assert PETSc.Mat.Type.SEQAIJ in system.K.getType() or PETSc.Mat.Type.MPIAIJ in system.K.getType()
 
 
-def test_inverted_elements_are_named_once():
-    mesh = one_body("hex8", (3, 2, 2))
+def test_inverted_elements_are_counted_and_named():
+    mesh = single_body("hex8", (3, 2, 2))
     for row in (1, 7):
         mesh.elements[0].nodes[row] = mesh.elements[0].nodes[row][[4, 5, 6, 7, 0, 1, 2, 3]]
     case = settings({"blade": "block"}, [("base", ["x", "y", "z"])])
@@ -284,15 +284,15 @@ def test_inverted_elements_are_named_once():
 
 @pytest.mark.parametrize("kind", ["hex8", "tet10"])
 def test_a_structure_without_supports_has_six_rigid_motions(kind):
-    """They strain nothing; a base held along x leaves three of them."""
-    system, _ = system_of(one_body(kind), settings({"blade": "block"}))
-    strained, size = np.abs(multiply(system.K, system.rigid_owned)).max(initial=0.0), diagonal_owned(system.K).max(initial=0.0)
-    assert system.rigid_owned.shape == (system.K.getLocalSize()[0], 6) and strained <= 1e-12 * max(comm.allgather(size))
+    """They cause no forces; a base supported along x leaves three of them."""
+    system, _ = system_of(single_body(kind), settings({"blade": "block"}))
+    force, size = np.abs(multiply(system.K, system.rigid_owned)).max(initial=0.0), diagonal_owned(system.K).max(initial=0.0)
+    assert system.rigid_owned.shape == (system.K.getLocalSize()[0], 6) and force <= 1e-12 * max(comm.allgather(size))
     assert any("is free" in note for note in system.notes)
-    held, _ = system_of(one_body(kind), settings({"blade": "block"}, [("base", ["x"])]))
-    strained = np.abs(multiply(held.K, held.rigid_owned)).max(initial=0.0)
-    assert held.rigid_owned.shape[1] == 3 and strained <= 1e-12 * max(comm.allgather(size))
-    assert any("2 translations and 1 turning motion" in note for note in held.notes)
+    supported, _ = system_of(single_body(kind), settings({"blade": "block"}, [("base", ["x"])]))
+    force = np.abs(multiply(supported.K, supported.rigid_owned)).max(initial=0.0)
+    assert supported.rigid_owned.shape[1] == 3 and force <= 1e-12 * max(comm.allgather(size))
+    assert any("2 translations and 1 turning motion" in note for note in supported.notes)
 
 
 @pytest.mark.parametrize(
@@ -303,6 +303,6 @@ def test_a_structure_without_supports_has_six_rigid_motions(kind):
         ([("base", ["x"])], [{"node": 5, "direction": (1, 0, 0)}], MeshError, r"\[\[loads\]\] 1 node = 5: no element"),
     ],
 )
-def test_scenes_that_cannot_move_or_cannot_stay(supports, loads, error, message):
+def test_loads_on_fixed_or_missing_nodes_and_fully_fixed_structures_are_refused(supports, loads, error, message):
     with pytest.raises(error, match=message):
-        system_of(one_body("hex8"), settings({"blade": "block"}, supports, loads=loads))
+        system_of(single_body("hex8"), settings({"blade": "block"}, supports, loads=loads))

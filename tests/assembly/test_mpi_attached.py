@@ -1,4 +1,4 @@
-"""Point masses, springs and equations of a model file: exact matrices, merged and turned meshes; on any number of ranks."""
+"""Point masses, springs and equations of a model file: exact matrices, merged and rotated meshes; on any number of ranks."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ SUPPORTED = [("base", "xyz")]
 
 
 def block(turn=None, **more):
-    """Return a box of steel on its base, turned about the origin."""
+    """Return a box of steel, rotated about the origin."""
     turn = np.eye(3) if turn is None else turn
     points, nodes = box("hex20", (1, 1, 2))
     groups = {"base": lambda x: np.abs(x @ turn[:, 2]) < 1e-9, "top": lambda x: np.abs(x @ turn[:, 2] - 1.0) < 1e-9}
@@ -51,8 +51,8 @@ def system_of(mesh, case):
 
 def gathered(system, matrix):
     indptr, columns, values = matrix.getValuesCSR()
-    own = sp.csr_matrix((values, columns, indptr), (len(indptr) - 1, system.n_dof))
-    return sp.vstack(system.comm.allgather(own)).toarray()
+    rows = sp.csr_matrix((values, columns, indptr), (len(indptr) - 1, system.n_dof))
+    return sp.vstack(system.comm.allgather(rows)).toarray()
 
 
 def dense(mesh, case):
@@ -65,17 +65,17 @@ KNOB = Point(name="knob", position=(0.3, 0.2, 1.4), group="top")
 
 
 @pytest.mark.parametrize("connection", ["rigid", "distributing"])
-def test_masses_and_springs_at_a_point_are_those_of_the_point(connection):
-    """As its own mass and its springs to ground; a spring between two points acts along their line."""
+def test_masses_and_springs_at_a_point_equal_keys_of_the_point(connection):
+    """They equal the mass and the springs to ground that the table of the point states."""
     mesh, knob = block(), KNOB.with_keys(connection=connection)
     springs = tuple(Spring(points=("knob",), direction=tuple(axis), stiffness=k) for axis, k in zip(np.eye(3), (1e6, 2e6, 3e6)))
-    named = case_of(points=(knob,), masses=(Mass(point="knob", mass=5.0),), springs=springs)
-    own = case_of(points=(knob.with_keys(mass=5.0, stiffness=(1e6, 2e6, 3e6)),))
-    for each, expected in zip(dense(mesh, named)[:2], dense(mesh, own)[:2], strict=True):
-        np.testing.assert_allclose(each, expected, atol=1e-12 * np.abs(expected).max())
+    by_tables = case_of(points=(knob,), masses=(Mass(point="knob", mass=5.0),), springs=springs)
+    by_keys = case_of(points=(knob.with_keys(mass=5.0, stiffness=(1e6, 2e6, 3e6)),))
+    for matrix, expected in zip(dense(mesh, by_tables)[:2], dense(mesh, by_keys)[:2], strict=True):
+        np.testing.assert_allclose(matrix, expected, atol=1e-12 * np.abs(expected).max())
 
 
-def test_a_spring_from_point_to_point_is_stretched_along_their_line():
+def test_a_spring_between_two_points_acts_along_their_line():
     mesh = block()
     middle = np.flatnonzero(np.abs(mesh.points[:, 2] - 0.5) < 1e-9)
     mesh = replace(mesh, node_groups={**mesh.node_groups, "middle": middle})
@@ -83,7 +83,9 @@ def test_a_spring_from_point_to_point_is_stretched_along_their_line():
     springs = (Spring(points=("knob", "other"), stiffness=4e6),)
     K0, K = (dense(mesh, case_of(points=points, springs=given))[0] for given in ((), springs))
     values, vectors = np.linalg.eigh(K - K0)
-    assert np.abs(values[:-1]).max() < 1e-9 * values[-1] and values[-1] == pytest.approx(2.0 * 4e6)  # of 1 and -1 along z
+    assert np.abs(values[:-1]).max() < 1e-9 * values[-1] and values[-1] == pytest.approx(
+        2.0 * 4e6
+    )  # the vector has 1 and -1 along z
     assert np.count_nonzero(np.abs(vectors[:, -1]) > 1e-6) == 2
 
 
@@ -98,7 +100,7 @@ def test_dampers_add_exactly_their_entries():
     mesh = block()
     dampers = (Spring(groups=("top",), direction=(0.0, 0.0, 2.0), damping=3.0), Spring(groups=("corner", "other"), damping=7.0))
     system, _ = system_of(mesh, case_of(springs=dampers))
-    springs = tuple(one.with_keys(stiffness=one.damping, damping=0.0) for one in dampers)
+    springs = tuple(damper.with_keys(stiffness=damper.damping, damping=0.0) for damper in dampers)
     K0, (K, _, _) = (
         gathered(system, system.K),
         dense(mesh, case_of(springs=tuple(s.with_keys(stiffness=1e9 * s.stiffness) for s in springs))),
@@ -128,26 +130,26 @@ def test_masses_and_springs_add_exactly_their_entries():
     np.testing.assert_allclose(K - K0, 3e6 * z @ z.T + 7e6 * np.outer(line, line), atol=1e-12 * K0.max())
 
 
-def test_equations_merge_what_they_equate():
-    """Two boxes on each other, their meeting nodes equated, are one box of two."""
+def test_equations_merge_coincident_nodes():
+    """Two stacked boxes with equal motion of coincident nodes have the frequencies of a single mesh."""
     lower, upper = box("hex20", (1, 1, 1)), box("hex20", (1, 1, 1), origin=(0.0, 0.0, 1.0))
     groups = {"base": lambda x: x[:, 2] < 1e-9}
     mesh = mesh_of(("low", "hex20", *lower), ("high", "hex20", *upper), groups=groups)
     n = len(lower[0])
-    meeting = [(i, n + int(np.argmin(np.linalg.norm(upper[0] - x, axis=1)))) for i, x in enumerate(lower[0]) if x[2] == 1.0]
-    rows = [[(high, axis, 2.0), (low, axis, -2.0)] for low, high in meeting for axis in range(3)]
-    chained = [*rows, [(meeting[0][1], 0, 1.0), (meeting[0][0], 0, -1.0)]]  # one of them twice
+    coincident = [(i, n + int(np.argmin(np.linalg.norm(upper[0] - x, axis=1)))) for i, x in enumerate(lower[0]) if x[2] == 1.0]
+    rows = [[(high, axis, 2.0), (low, axis, -2.0)] for low, high in coincident for axis in range(3)]
+    redundant = [*rows, [(coincident[0][1], 0, 1.0), (coincident[0][0], 0, -1.0)]]  # the first equation is repeated
     case = with_equations(settings({"low": "low", "high": "high"}, SUPPORTED))
-    K, M, dof = dense(replace(mesh, equations=equations(*chained)), case)
-    whole = mesh_of(("one", "hex20", *box("hex20", (1, 1, 2), (1.0, 1.0, 2.0))), groups=groups)
-    K1, M1, _ = dense(whole, settings({"one": "one"}, SUPPORTED))
-    assert K.shape == K1.shape and (dof[[high for _, high in meeting]] == -1).all()
+    K, M, dof = dense(replace(mesh, equations=equations(*redundant)), case)
+    merged = mesh_of(("one", "hex20", *box("hex20", (1, 1, 2), (1.0, 1.0, 2.0))), groups=groups)
+    K1, M1, _ = dense(merged, settings({"one": "one"}, SUPPORTED))
+    assert K.shape == K1.shape and (dof[[high for _, high in coincident]] == -1).all()
     computed, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
     np.testing.assert_allclose(computed, expected, rtol=1e-9)
 
 
-def test_supports_in_turned_axes_are_equations():
-    """A turned box whose base slides in its own plane has the frequencies of one that was not turned."""
+def test_supports_in_rotated_axes_are_equations():
+    """A rotated box whose base slides in its plane has the frequencies of the box in global axes."""
     axis = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
     cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     turn = scipy.linalg.expm(0.7 * cross)
@@ -160,8 +162,8 @@ def test_supports_in_turned_axes_are_equations():
     np.testing.assert_allclose(computed, expected, rtol=1e-8, atol=1e-8 * expected.max())
 
 
-def test_a_mean_of_nodes_that_lead_and_follow_equations_is_exact():
-    """The modes are those in the null space of all constraints, where the point with its mass has six rows of its own."""
+def test_a_distributing_point_on_nodes_with_equations_is_exact():
+    """The frequencies are those in the null space of all constraints, in which the point has six unknowns."""
     mesh, knob = block(), KNOB.with_keys(connection="distributing", mass=5.0, inertia=(0.1, 0.2, 0.3, 0.0, 0.0, 0.0))
     top, n = mesh.node_groups["top"], 3 * len(mesh.points)
     middle = int(np.flatnonzero(np.abs(mesh.points[:, 2] - 0.5) < 1e-9)[0])
@@ -208,8 +210,8 @@ IN_PLANE = [[(node, k, AXIS[k]) for k in range(3)] for node in (0, 3, 7)]
         ([], SUPPORTED, (), 0),
     ],
 )
-def test_motions_that_equations_and_springs_leave_free_strain_nothing(rows, supports, springs, n_free):
-    """They are the null space of K, whatever holds the others."""
+def test_rigid_motions_compatible_with_equations_and_springs_are_the_null_space_of_K(rows, supports, springs, n_free):
+    """Equations, supports and springs may prevent the other rigid motions."""
     mesh = replace(block(), equations=equations(*rows)) if rows else block()
     springs = tuple(Spring(groups=groups, direction=direction, stiffness=1e9) for groups, direction in springs)
     system, _ = system_of(mesh, case_of(supports, springs=springs))
@@ -220,14 +222,14 @@ def test_motions_that_equations_and_springs_leave_free_strain_nothing(rows, supp
     assert np.abs(K @ motions).max(initial=0.0) < 1e-10 * values[-1]
 
 
-def test_a_node_outside_the_elements_leads_a_face_and_carries_mass_and_spring():
-    """All nodes of the top move along z with a node that no element has: its mass is theirs, and so is its spring."""
+def test_a_node_outside_the_elements_may_lead_a_face_with_a_mass_and_a_spring():
+    """All nodes of the top move along z with a node of no element; its mass and its spring act on their common motion."""
     mesh = block()
     top, n = mesh.node_groups["top"], len(mesh.points)
     outside = Outside(np.array([[0.5, 0.5, 3.0]]), np.array([9999]), {"reference": np.array([0])})
     rows = [[(node, 2, 1.0), (n, 2, -1.0)] for node in top]
-    held = {**mesh.node_groups, "reference": np.zeros(0, dtype=int)}
-    mesh = replace(mesh, outside=outside, equations=equations(*rows), node_groups=held)
+    groups = {**mesh.node_groups, "reference": np.zeros(0, dtype=int)}
+    mesh = replace(mesh, outside=outside, equations=equations(*rows), node_groups=groups)
     masses = (Mass(group="reference", mass=4.0),)
     springs = (Spring(groups=("reference",), direction=(0.0, 0.0, 1.0), stiffness=2e9),)
     case = case_of([*SUPPORTED, ("reference", "xy")])
@@ -243,8 +245,8 @@ def test_a_node_outside_the_elements_leads_a_face_and_carries_mass_and_spring():
         dense(mesh, case_of().with_keys(masses=masses))
 
 
-def test_masses_turn_and_accelerate_with_the_structure():
-    """The weight of a mass in rotation and under a base acceleration, and its softening, are those of a point in space."""
+def test_masses_have_centrifugal_and_inertial_forces():
+    """Centrifugal force, spin softening and force of a base acceleration of a mass are those of a particle."""
     mesh = block()
     statics = Statics(rotation_speed=100.0)
     model = Model.of_file(mesh="box.msh", take=(), axis=(0.0, 0.0, 1.0), axis_point=(-1.0, 0.0, 0.0))
@@ -276,18 +278,18 @@ def test_springs_between_groups_of_several_nodes_are_refused():
         dense(block(), case_of(springs=(Spring(groups=("top", "corner"), stiffness=1.0),)))
 
 
-def test_springs_and_equations_that_resist_a_translation_hold_a_body():
+def test_springs_to_ground_support_a_body_and_dampers_do_not():
     mesh = block()
-    sprung = tuple(Spring(groups=("base",), direction=tuple(axis), stiffness=1e9) for axis in np.eye(3))
-    K, _, _ = dense(mesh, case_of((), springs=sprung))
+    to_ground = tuple(Spring(groups=("base",), direction=tuple(axis), stiffness=1e9) for axis in np.eye(3))
+    K, _, _ = dense(mesh, case_of((), springs=to_ground))
     assert np.linalg.eigvalsh(K)[0] > 0.0
-    dampers = tuple(one.with_keys(stiffness=0.0, damping=1e3) for one in sprung)
+    dampers = tuple(spring.with_keys(stiffness=0.0, damping=1e3) for spring in to_ground)
     for springs in ((Spring(groups=("corner", "other"), stiffness=1e9),), dampers):
         K, _, _ = dense(mesh, case_of((), springs=springs))
         assert np.count_nonzero(np.linalg.eigvalsh(K) < 1e-9 * np.linalg.norm(K, 2)) == 6
 
 
-# -- equations between points, against one mesh --------------------------------------------------------------------
+# -- equations between points, against a single mesh --------------------------------------------------------------------
 
 
 HALVES = {
@@ -300,7 +302,7 @@ SECOND = Point(name="second", position=(0.9, 0.4, 1.3), group="upper")
 
 
 def rigidly(leader, follower, names):
-    """Return equations by which a point follows another as a rigid body: u = u_l + theta_l x r, theta = theta_l."""
+    """Return equations of a point that follows another as a rigid body: u = u_l + theta_l x r, theta = theta_l."""
     x, y, z = np.subtract(follower.position, leader.position)
     rows = [[(0, 0, 1.0), (1, 0, -1.0), (1, 4, -z), (1, 5, y)], [(0, 1, 1.0), (1, 1, -1.0), (1, 5, -x), (1, 3, z)]]
     rows += [[(0, 2, 1.0), (1, 2, -1.0), (1, 3, -y), (1, 4, x)], *([(0, i, 1.0), (1, i, -1.0)] for i in (3, 4, 5))]
@@ -312,7 +314,7 @@ def rigidly(leader, follower, names):
 
 @pytest.mark.parametrize("names", [("second", "first"), ("first", "second")])
 def test_points_tied_by_equations_are_one_rigid_body(names):
-    """Two halves whose points follow each other: the frequencies of one mesh whose middle plane is rigid."""
+    """Two halves with coupled points have the frequencies of a single mesh with a rigid middle plane."""
     points = {"first": FIRST, "second": SECOND}
     follower, leader = (points[name] for name in names)
     low, high = box("hex8", (1, 1, 1)), box("hex8", (1, 1, 1), origin=(0.0, 0.0, 1.0))
@@ -320,18 +322,18 @@ def test_points_tied_by_equations_are_one_rigid_body(names):
     halves = replace(halves, equations=rigidly(leader, follower, names))
     given = settings({"low": "low", "high": "high"}, [("base", "xyz")], points=(FIRST, SECOND))
     K, M, _ = dense(halves, with_equations(given))
-    whole = mesh_of(
+    single = mesh_of(
         ("all", "hex8", *box("hex8", (1, 1, 2), (1.0, 1.0, 2.0))),
         groups={**HALVES, "lower": lambda x: np.abs(x[:, 2] - 1.0) < 1e-9},
     )
-    one = settings({"all": "all"}, [("base", "xyz")], points=(FIRST,))
-    K_1, M_1, _ = dense(whole, one)
+    single_case = settings({"all": "all"}, [("base", "xyz")], points=(FIRST,))
+    K_1, M_1, _ = dense(single, single_case)
     computed, exact = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K_1, M_1)))
     np.testing.assert_allclose(computed, exact, rtol=1e-8)
 
 
 def joined(*parts):
-    """Return equations between points, each number of an equation once."""
+    """Return the union of sets of equations between points, numbered consecutively."""
     names = tuple(dict.fromkeys(name for part in parts for name in part.points))
     at = [-1 - np.array([names.index(name) for name in part.points])[-1 - part.nodes] for part in parts]
     number = np.concatenate([part.equation + 6 * i for i, part in enumerate(parts)])
@@ -340,10 +342,10 @@ def joined(*parts):
 
 
 @pytest.mark.parametrize("corner", [False, True])
-def test_a_point_that_leads_points_alone_is_one_rigid_body_with_them(corner):
-    """Halves on two points that follow a third without nodes, with a mass: as the third leading all nodes itself.
+def test_a_point_that_leads_only_points_is_one_rigid_body_with_them(corner):
+    """Two points that follow a third one, with a mass and without nodes, equal the third one with all nodes as followers.
 
-    With ``corner``, one of the two leads a single node, and its rotations are those of the third.
+    With ``corner``, the second point has a single node, and its rotations are those of the third.
     """
     hub = Point(name="hub", position=(0.3, -0.2, 1.4), group="lower", mass=2000.0, inertia=(100.0, 200.0, 300.0))
     second = SECOND.with_keys(group="corner") if corner else SECOND
@@ -351,7 +353,7 @@ def test_a_point_that_leads_points_alone_is_one_rigid_body_with_them(corner):
     groups["both"] = lambda x: groups["lower"](x) | groups[second.group](x)
     low, high = box("hex8", (1, 1, 1)), box("hex8", (1, 1, 1), origin=(0.0, 0.0, 1.0))
     halves = mesh_of(("low", "hex8", *low), ("high", "hex8", *high), groups=groups)
-    rows = joined(*(rigidly(hub, each, (each.name, "hub")) for each in (FIRST, second)))
+    rows = joined(*(rigidly(hub, point, (point.name, "hub")) for point in (FIRST, second)))
     given = settings({"low": "low", "high": "high"}, [("base", "xyz")])
     chain = given.with_keys(points=(hub.with_keys(connection="equations"), FIRST, second))
     K, M, _ = dense(replace(halves, equations=rows), with_equations(chain))
@@ -365,7 +367,7 @@ def test_a_point_connected_by_no_equation_is_refused():
         dense(block(), case_of(points=(KNOB.with_keys(connection="equations"),)))
 
 
-def test_equations_of_points_that_the_scene_lacks_are_refused():
+def test_equations_of_points_missing_in_the_scene_are_refused():
     mesh = replace(block(), equations=rigidly(FIRST, SECOND, ("second", "first")))
     with pytest.raises(MeshError, match="an equation of the file is between points, and the scene has no point 'second'"):
         dense(mesh, with_equations(case_of(points=(KNOB,))))

@@ -1,4 +1,4 @@
-"""Structures given as matrices against plain dense algebra, on any number of ranks: with one DOF most own no row."""
+"""Structures given as matrices against dense algebra, on any number of ranks; with one DOF most ranks own no row."""
 
 import copy
 
@@ -25,18 +25,18 @@ OMEGA = {"jenkins": 1.3, "spatial": 1.5, "chain": 560.0, "gap": 1.1}
 
 
 def with_damping(system, C):
-    """Return the system with a damping matrix for its damping ratio."""
+    """Return the system with a damping matrix instead of its damping ratio."""
     return {**{key: value for key, value in system.items() if key != "zeta"}, "C": np.asarray(C, dtype=float)}
 
 
-def scattered(n, size=1.0):
-    """Return a damping matrix (n, n) that has nothing to do with mass and stiffness."""
+def full_damping(n, size=1.0):
+    """Return a damping matrix (n, n) that is not proportional to mass and stiffness."""
     X = np.random.default_rng(n).standard_normal((n, n))
     return size * (X @ X.T / n + np.eye(n))
 
 
 def reduced(folder, system, **solver):
-    """Return the structure and the reduced model of a system that went through its files.  Collective."""
+    """Return the structure and the reduced model of a system, written to files and read.  Collective."""
     frequencies = (0.9 * OMEGA[system["name"].split()[0]], 1.1 * OMEGA[system["name"].split()[0]])
     path = on_root(COMM, lambda: write_matrix_scene(folder, system, [1.0], frequencies, **solver))
     scene = on_root(COMM, read_scene, path)
@@ -61,21 +61,21 @@ def exact_motion(system, omega, p):
 
 
 def assert_receptance(system, model, omega):
-    """Outputs and pairs move as dense algebra says, under loads and contact forces, and so do derivatives and losses."""
+    """Compare motion of outputs and pairs, and its derivative by frequency, with dense algebra."""
     p = np.random.default_rng(5).standard_normal((3 * model.n_pairs, model.N_H))
-    p[~system["R"].any(axis=1)] = 0.0  # directions that do not move carry nothing
-    u, still = exact_motion(system, omega, p), np.zeros_like(p)
+    p[~system["R"].any(axis=1)] = 0.0  # directions that do not move have no forces
+    u, no_forces = exact_motion(system, omega, p), np.zeros_like(p)
     motion = output_motion(model, 1.0, omega, p)
     np.testing.assert_allclose(motion, u, atol=1e-10 * np.abs(u).max())
     U_lin, dU_lin = linear_motion(model, 1.0, omega), linear_motion_rate(model, 1.0, omega)
-    du, h = (system["R"] @ exact_motion(system, omega, still))[model.owned_rows], 1e-6 * omega
+    du, h = (system["R"] @ exact_motion(system, omega, no_forces))[model.owned_rows], 1e-6 * omega
     np.testing.assert_allclose(U_lin, du, atol=1e-10 * np.abs(u).max())
     ahead, back = (linear_motion(model, 1.0, omega + step) for step in (h, -h))
     np.testing.assert_allclose(dU_lin, (ahead - back) / (2.0 * h), atol=1e-6 * np.abs(u).max() / omega)
 
 
 @pytest.mark.parametrize("name", ["jenkins", "spatial", "chain", "gap"])
-def test_matrices_and_maps_arrive(shared_path, name):
+def test_matrices_and_maps_are_those_of_the_files(shared_path, name):
     system = scenes.SCENES[name]()
     structure, model = reduced(shared_path, system)
     given = structure.linearised.system
@@ -87,12 +87,12 @@ def test_matrices_and_maps_arrive(shared_path, name):
     np.testing.assert_allclose(given.loads.toarray() @ model.f, scenes.force_coefficients(system, 1.0, 3), atol=1e-15)
     for key in ("mu", "k_t", "k_n", "N0"):
         np.testing.assert_allclose(getattr(structure.pairs, key), system[key], rtol=1e-15)
-    np.testing.assert_allclose(model.omega_n, scenes.stuck_frequencies(system), rtol=1e-12)  # all of them, unasked
+    np.testing.assert_allclose(model.omega_n, scenes.stuck_frequencies(system), rtol=1e-12)  # all modes by default
     structure.linearised.destroy()
 
 
 @pytest.mark.parametrize("name", ["jenkins", "spatial", "chain", "gap"])
-def test_receptance_is_that_of_dense_algebra(shared_path, name):
+def test_receptance_equals_dense_algebra(shared_path, name):
     system = scenes.SCENES[name]()
     structure, model = reduced(shared_path, system)
     assert_receptance(system, model, OMEGA[name])
@@ -102,7 +102,7 @@ def test_receptance_is_that_of_dense_algebra(shared_path, name):
 @pytest.mark.parametrize("name, size", [("spatial", 0.1), ("chain", 20.0)])
 def test_a_damping_matrix_may_couple_the_modes(shared_path, name, size):
     plain = scenes.SCENES[name]()
-    system = with_damping(plain, scattered(len(plain["M"]), size))
+    system = with_damping(plain, full_damping(len(plain["M"]), size))
     structure, model = reduced(shared_path, system)
     assert model.receptance_of(1).modes.damping.couples_modes
     assert_receptance(system, model, OMEGA[name])
@@ -120,11 +120,11 @@ def test_a_proportional_damping_matrix_stays_diagonal(shared_path):
     structure.linearised.destroy()
 
 
-def test_dofs_without_mass_follow_their_springs(shared_path):
-    """The last mass of the chain, to which a pair is fixed, has none in two directions, and no damper."""
+def test_massless_dofs_follow_their_springs(shared_path):
+    """The last node of the chain, which has a pair, is massless and undamped in two directions."""
     system = copy.deepcopy(scenes.chain())
     system["M"][[6, 7], [6, 7]] = 0.0
-    C = scattered(9, 20.0)
+    C = full_damping(9, 20.0)
     C[6:8], C[:, 6:8] = 0.0, 0.0
     structure, model = reduced(shared_path, with_damping(system, C))
     theta = scipy.linalg.eigh(system["M"], scenes.stuck_stiffness(system), eigvals_only=True)[:1:-1]
@@ -134,8 +134,8 @@ def test_dofs_without_mass_follow_their_springs(shared_path):
 
 
 @pytest.mark.ranks(1, 2)
-def test_one_mass_has_the_exact_amplitude_also_where_ranks_own_nothing(shared_path):
-    """One harmonic, 4096 samples: docs/validation.md; the sampled loop converges as N_t^-2."""
+def test_one_mass_has_the_exact_amplitude_also_with_ranks_without_rows(shared_path):
+    """One harmonic, 4096 samples (docs/validation.md); the sampled hysteresis loop converges as N_t^-2."""
     data = {"m": 1.0, "c": 0.02, "k": 1.0, "k_t": 1.0, "muN": 1.0}
     at = exact.jenkins_frequencies(1.5, 0.8, **data)
     path = on_root(
@@ -156,8 +156,8 @@ def test_one_mass_has_the_exact_amplitude_also_where_ranks_own_nothing(shared_pa
     assert [np.hypot(*point.response[0, 1:3]) for point in requested(branch)] == pytest.approx([1.5, 1.5], rel=4e-6)
 
 
-def spoilt(**changes):
-    """Return the spatial system with entries of matrices changed; None takes a key away."""
+def faulty(**changes):
+    """Return the spatial system with other values of some keys."""
     system = copy.deepcopy(scenes.spatial_mass())
     system.update(changes)
     return system
@@ -166,44 +166,44 @@ def spoilt(**changes):
 @pytest.mark.parametrize(
     "system, expected",
     [
-        (spoilt(M=np.eye(2)), r"M.mtx: \[model\] mass is 2 x 2, but the stiffness 3 x 3"),
-        (spoilt(M=np.diag([1.0, -2.0, 1.0])), r"\[model\] mass of DOF 1 is -2 kg; a mass must not be negative"),
-        (spoilt(M=np.zeros((3, 3))), "zero on the whole diagonal; without any mass nothing vibrates"),
+        (faulty(M=np.eye(2)), r"M.mtx: \[model\] mass is 2 x 2, but the stiffness 3 x 3"),
+        (faulty(M=np.diag([1.0, -2.0, 1.0])), r"\[model\] mass of DOF 1 is -2 kg; a mass must not be negative"),
+        (faulty(M=np.zeros((3, 3))), "zero on the whole diagonal; without any mass nothing vibrates"),
         (
-            spoilt(M=[[1.0, 0.1, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+            faulty(M=[[1.0, 0.1, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 1.0]]),
             r"mass of DOF 1 is 0, yet mass couples it to others \(1 DOF of",
         ),
-        (spoilt(M=[[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "the mass matrix is indefinite"),
-        (with_damping(spoilt(M=np.diag([1.0, 0.0, 0.0])), np.eye(3)), r"mass of DOF 1 is 0, yet damping acts on it \(2 DOFs"),
-        (with_damping(spoilt(), np.diag([1.0, -0.5, 1.0])), r"\[model\] damping: z\^T C z = -0.41.* feeds energy in"),
-        (spoilt(K=-9.0 * np.eye(3)), "K_L is not positive definite: 3 of 3 degrees of freedom have no positive stiffness"),
+        (faulty(M=[[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "the mass matrix is indefinite"),
+        (with_damping(faulty(M=np.diag([1.0, 0.0, 0.0])), np.eye(3)), r"mass of DOF 1 is 0, yet damping acts on it \(2 DOFs"),
+        (with_damping(faulty(), np.diag([1.0, -0.5, 1.0])), r"\[model\] damping: z\^T C z = -0.41.* feeds energy in"),
+        (faulty(K=-9.0 * np.eye(3)), "K_L is not positive definite: 3 of 3 degrees of freedom have no positive stiffness"),
         (
-            spoilt(K=np.diag([1.0, 1.0, 0.0]), pair_dofs=np.array([[0, 1, -1, -1, -1, -1]])),
+            faulty(K=np.diag([1.0, 1.0, 0.0]), pair_dofs=np.array([[0, 1, -1, -1, -1, -1]])),
             "no positive stiffness .* the first is DOF 2",
         ),
         (
-            spoilt(pair_dofs=np.array([[0, 1, 3, -1, -1, -1]])),
+            faulty(pair_dofs=np.array([[0, 1, 3, -1, -1, -1]])),
             "pairs.csv, line 2: z1 = 3 is not a DOF number; they go from 0 to 2",
         ),
         (
-            spoilt(loads=[{"vector": np.array([0.0, 0.0, 0.0, 1.0]), "harmonic": 1}]),
+            faulty(loads=[{"vector": np.array([0.0, 0.0, 0.0, 1.0]), "harmonic": 1}]),
             r"scene.toml: \[\[loads\]\] 1 dof = 3: the matrices have",
         ),
     ],
 )
-def test_every_rank_hears_of_a_mistake(shared_path, system, expected):
+def test_a_mistake_is_raised_on_every_rank(shared_path, system, expected):
     with pytest.raises(CaseError, match=expected):
         reduced(shared_path, system)
 
 
-def test_outputs_and_modes_beyond_the_matrices(shared_path):
+def test_outputs_and_modes_beyond_the_matrices_are_refused(shared_path):
     with pytest.raises(CaseError, match=r"\[\[outputs\]\] 1 dof = 3: the matrices have DOFs 0 to 2"):
         reduced(shared_path, scenes.spatial_mass(), outputs=[3])
     with pytest.raises(CaseError, match=r"scene.toml: \[solver\] modes = 4: the structure has only 3 degrees of freedom"):
         reduced(shared_path, scenes.spatial_mass(), modes=4)
 
 
-def test_a_part_that_nothing_holds_is_named(shared_path):
+def test_an_unsupported_part_is_named(shared_path):
     system = scenes.spatial_mass()
     K = scipy.linalg.block_diag(system["K"], [[5.0, -5.0], [-5.0, 5.0]])
     system.update(K=K, M=np.eye(5), loads=[{"vector": np.eye(5)[0], "harmonic": 1}])

@@ -1,4 +1,4 @@
-"""Pressures whose phase varies, and forces from files, against integrals known in closed form; on one rank and on several."""
+"""Pressures with varying phase, and forces from files, against closed-form integrals; on one rank and on several."""
 
 import numpy as np
 import pytest
@@ -25,14 +25,14 @@ MODEL = Model(mesh="box.msh", axis=(0.0, 0.0, 2.0), axis_point=(0.0, 0.0, 7.0))
 
 
 def box_mesh(kind, n=(3, 2, 1), turn=((1, 0, 0), (0, 1, 0), (0, 0, 1)), origin=(0.0, 0.0, 0.0)):
-    """A box away from the origin, turned about it; its group "top" holds the nodes of one side."""
+    """Return a box, rotated about the origin; its group "top" has the nodes of its upper side."""
     points, elements = box(kind, n, SIZE, origin)
     is_top = np.isclose(points[:, 2], SIZE[2] + origin[2])
     return mesh_of(("box", kind, points @ np.array(turn).T, elements), groups={"top": lambda all_points: is_top})
 
 
 def complex_forces(mesh, **load):
-    """The complex force of a load on every node, (n_nodes, 3)."""
+    """Return the complex force of a load on every node, (n_nodes, 3)."""
     forces = nodal_forces(mesh, Load(**load), MODEL, "[[loads]] 1")
     total = np.zeros((len(mesh.points), 3), dtype=complex)
     for factor, shape in zip((1.0, 1j), forces.shapes):
@@ -41,7 +41,7 @@ def complex_forces(mesh, **load):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_pressure_pushes_with_its_area(kind):
+def test_a_pressure_has_the_exact_resultant_and_moment(kind):
     mesh = box_mesh(kind)
     forces = complex_forces(mesh, group="top", pressure=3.0)
     np.testing.assert_allclose(forces.sum(axis=0), [0.0, 0.0, -3.0 * SIZE[0] * SIZE[1]], atol=1e-14)
@@ -50,8 +50,8 @@ def test_a_pressure_pushes_with_its_area(kind):
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "tet10"])
-def test_a_travelling_pressure_is_its_integral(kind):
-    """The resultant of p e^(i k x) over a rectangle is p A times e^(i k x_middle) and two functions sin(x) / x."""
+def test_a_travelling_pressure_has_the_exact_resultant(kind):
+    """The resultant of p e^(i k x) over a rectangle is p A e^(i k x_middle) times two functions sin(x) / x."""
     k = np.array([4.0, -3.0, 2.0])
     forces = complex_forces(box_mesh(kind, (12, 8, 1)), group="top", pressure=2.0, travelling=tuple(k)).sum(axis=0)
     exact = (
@@ -61,29 +61,29 @@ def test_a_travelling_pressure_is_its_integral(kind):
 
 
 @pytest.mark.parametrize("order", [1, 5, -3])
-def test_an_engine_order_turns_with_the_structure(order):
-    """A structure turned by 70 degrees about the axis feels the same forces, turned, and later by that many periods."""
-    turned = np.radians(70.0)
-    c, s = np.cos(turned), np.sin(turned)
+def test_an_engine_order_rotates_with_the_structure(order):
+    """On a structure rotated by 70 degrees about the axis the forces are rotated, and shifted by ``order`` times 70 degrees."""
+    angle = np.radians(70.0)
+    c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     common = {"group": "top", "pressure": 2.0, "engine_order": order}
-    here, there = (complex_forces(box_mesh("hex20", turn=one, origin=(-1.0, 0.1, 0.0)), **common) for one in (np.eye(3), turn))
-    np.testing.assert_allclose(there, here @ turn.T * np.exp(1j * order * turned), atol=1e-13)
+    f, f_turned = (complex_forces(box_mesh("hex20", turn=Q, origin=(-1.0, 0.1, 0.0)), **common) for Q in (np.eye(3), turn))
+    np.testing.assert_allclose(f_turned, f @ turn.T * np.exp(1j * order * angle), atol=1e-13)
 
 
-def test_angles_count_from_the_axis_that_follows():
-    quarter = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(angle_about(quarter[[0, 1]], (0.0, 0.0, 1.0), np.zeros(3)), [0.0, np.pi / 2], atol=1e-15)
-    np.testing.assert_allclose(angle_about(quarter[[1, 2]], (3.0, 0.0, 0.0), np.zeros(3)), [0.0, np.pi / 2], atol=1e-15)
-    np.testing.assert_allclose(angle_about(quarter[[2, 0]], (0.0, 1.0, 0.0), np.zeros(3)), [0.0, np.pi / 2], atol=1e-15)
-    np.testing.assert_allclose(angle_about(quarter[[0, 1]], (0.0, 0.0, -1.0), np.zeros(3)), [0.0, -np.pi / 2], atol=1e-15)
+def test_angles_are_measured_from_the_next_coordinate_axis():
+    units = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(angle_about(units[[0, 1]], (0.0, 0.0, 1.0), np.zeros(3)), [0.0, np.pi / 2], atol=1e-15)
+    np.testing.assert_allclose(angle_about(units[[1, 2]], (3.0, 0.0, 0.0), np.zeros(3)), [0.0, np.pi / 2], atol=1e-15)
+    np.testing.assert_allclose(angle_about(units[[2, 0]], (0.0, 1.0, 0.0), np.zeros(3)), [0.0, np.pi / 2], atol=1e-15)
+    np.testing.assert_allclose(angle_about(units[[0, 1]], (0.0, 0.0, -1.0), np.zeros(3)), [0.0, -np.pi / 2], atol=1e-15)
 
 
 FORCE = "[[loads]]\nnode = {node}\ndirection = {direction}\nharmonic = 2\nphase = {phase}\n"
 
 
-def test_forces_of_a_file_are_those_of_tables_with_phases(comm, shared_path):
-    """A complex force at two nodes, one of them written in two lines, and the same as loads with phases: the same motion."""
+def test_forces_of_a_file_equal_loads_with_phases(comm, shared_path):
+    """Complex forces at two nodes, for the first node on two lines, cause the same motion as loads with phases."""
     lines = "fx, node, fy, fz, fz_im\n1.0, 20, 0.5, 0, 0.25\n# remark\n\n0, 25, -2.0, 0, 0\n0, 20, 0.5, 0, 0\n"
     file = scene_with(
         comm,
@@ -111,8 +111,8 @@ def test_forces_of_a_file_are_those_of_tables_with_phases(comm, shared_path):
     np.testing.assert_allclose(values[0], values[1], atol=1e-12 * np.abs(values[1]).max())
 
 
-def test_forces_on_dofs_are_complex(comm, shared_path):
-    """The chain under a complex force vector, against dense algebra."""
+def test_forces_on_dofs_may_be_complex(comm, shared_path):
+    """The motion of the chain under a complex force vector equals dense algebra."""
     system, omega = scenes.chain(), 560.0
     n = len(system["M"])
     values = np.random.default_rng(3).standard_normal((n, 2))
@@ -167,7 +167,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_bad_input(comm, shared_path, name):
-    loads, files, says = MISTAKES[name]
-    with pytest.raises(CaseError, match=says):
+def test_bad_loads_are_refused_with_a_message(comm, shared_path, name):
+    loads, files, message = MISTAKES[name]
+    with pytest.raises(CaseError, match=message):
         microslip.build(scene_with(comm, shared_path, loads=loads, files=files, name=name.replace(" ", "_")), comm)

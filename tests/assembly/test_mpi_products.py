@@ -1,4 +1,4 @@
-"""Products of sparse matrices with few and many columns against SciPy's, on any partition of the rows."""
+"""Products of sparse matrices with few and many columns against SciPy, on any partition of the rows."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ N, COLUMNS = 37, 29
 
 
 def _distributed(S: sp.csr_matrix, rows: np.ndarray, columns: np.ndarray) -> PETSc.Mat:
-    """Return S as a PETSc matrix; ``rows`` and ``columns`` (size + 1,) limit those of the ranks."""
+    """Return S as a PETSc matrix; ``rows`` and ``columns`` (size + 1,) are the ownership ranges."""
     r, owned = COMM.rank, S[rows[COMM.rank] : rows[COMM.rank + 1]]
     sizes = ((int(rows[r + 1] - rows[r]), S.shape[0]), (int(columns[r + 1] - columns[r]), S.shape[1]))
     csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
@@ -22,8 +22,8 @@ def _distributed(S: sp.csr_matrix, rows: np.ndarray, columns: np.ndarray) -> PET
 @pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("m", [0, 1, 7, 8, 24, 30])
 @pytest.mark.parametrize("has_empty_rank", [False, True])
-def test_products_are_those_of_scipy(m, has_empty_rank):
-    """Of a rectangular matrix, also if a rank has no rows; again after its entries and after its pattern have changed."""
+def test_products_equal_those_of_scipy(m, has_empty_rank):
+    """The matrix is rectangular, and a rank may have no rows; products are correct after its entries and its pattern change."""
     random = np.random.default_rng(3)
     S = sp.random(N, COLUMNS, 0.2, "csr", random_state=random)
     S.sort_indices()

@@ -1,4 +1,4 @@
-"""Ties and points: exact fields, rigid motions, merged meshes, resultants, masses on springs; on any number of ranks."""
+"""Ties and points: exact fields, rigid motions, matching meshes, resultants, masses on springs; on any number of ranks."""
 
 import re
 from dataclasses import replace
@@ -28,13 +28,13 @@ GLUE = Tie(name="glue", surfaces=("high_bottom", "low_top"))
 
 
 def stack(low="hex20", high="hex20", n_low=(2, 2, 1), n_high=(2, 2, 1), gap=0.0):
-    """Return two unit boxes on each other, along z, nodes of their own."""
+    """Return two unit boxes stacked along z, without common nodes."""
     lower, upper = box(low, n_low), box(high, n_high, origin=(0.0, 0.0, 1.0 + gap))
 
     def at(z, is_high=None):
         def claim(x):
-            mine = np.abs(x[:, 2] - z - gap * (np.arange(len(x)) >= len(lower[0]))) < 1e-9
-            return mine if is_high is None else mine & ((np.arange(len(x)) >= len(lower[0])) == is_high)
+            is_at_z = np.abs(x[:, 2] - z - gap * (np.arange(len(x)) >= len(lower[0]))) < 1e-9
+            return is_at_z if is_high is None else is_at_z & ((np.arange(len(x)) >= len(lower[0])) == is_high)
 
         return claim
 
@@ -45,12 +45,12 @@ def stack(low="hex20", high="hex20", n_low=(2, 2, 1), n_high=(2, 2, 1), gap=0.0)
 def tied(mesh, *ties, supports=(), points=(), joints=(), poisson=0.3, **more):
     """Return the settings of a mesh whose groups of elements are its bodies."""
     case = settings({block.group: block.group for block in mesh.elements}, supports, joints, **more)
-    steel = STEEL.with_keys(poisson=poisson)
-    return made_of(case, steel).with_keys(ties=ties, points=points)
+    material = STEEL.with_keys(poisson=poisson)
+    return made_of(case, material).with_keys(ties=ties, points=points)
 
 
 def system_of(mesh, case, comm=comm):
-    """Return the system as run.py makes it.  Collective."""
+    """Return the system as in run.py.  Collective."""
     on_root = mesh if comm.rank == 0 else None
     return assemble(distribute(on_root, case, comm), on_root, pair_contacts(mesh, case.joints), case)
 
@@ -58,8 +58,8 @@ def system_of(mesh, case, comm=comm):
 def gathered(system, name):
     """Return K or M on every rank, dense."""
     indptr, columns, values = getattr(system, name).getValuesCSR()
-    own = sp.csr_matrix((values, columns, indptr), (len(indptr) - 1, system.n_dof))
-    return sp.vstack(system.comm.allgather(own)).toarray()
+    rows = sp.csr_matrix((values, columns, indptr), (len(indptr) - 1, system.n_dof))
+    return sp.vstack(system.comm.allgather(rows)).toarray()
 
 
 def frequencies(system, n):
@@ -79,15 +79,15 @@ def rigid_motions(points):
 
 
 def on_rows(system, field):
-    """Return a field (n_nodes, 3) on the nodes' own rows; rows of points stay zero."""
+    """Return a field (n_nodes, 3) in the rows of the nodes; rows of points remain zero."""
     w = np.zeros(system.n_dof)
     w[system.dof[system.dof >= 0]] = field[system.dof >= 0]
     return w
 
 
 @pytest.fixture
-def loose(monkeypatch):
-    """Allow structures that nothing holds."""
+def unsupported(monkeypatch):
+    """Allow structures without supports."""
     monkeypatch.setattr(assemble_module, "check_fixed", lambda *_: True)
 
 
@@ -99,7 +99,7 @@ MESHES = [
 
 
 @pytest.mark.parametrize("low, high, n_low, n_high", MESHES)
-def test_linear_fields_are_in_the_space(low, high, n_low, n_high):
+def test_linear_fields_satisfy_the_ties(low, high, n_low, n_high):
     mesh = stack(low, high, n_low, n_high)
     system = system_of(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]))
     assert system.n_dof == np.count_nonzero(system.dof >= 0)
@@ -108,16 +108,16 @@ def test_linear_fields_are_in_the_space(low, high, n_low, n_high):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_matching_meshes_are_one(kind, loose):
-    """Frequencies of the tied structure are those of the mesh with common nodes, to rounding."""
+def test_ties_of_matching_meshes_equal_common_nodes(kind, unsupported):
+    """The tied structure has the frequencies of the mesh with common nodes, to rounding."""
     mesh = stack(kind, kind)
-    one = mesh_of(("one", kind, *box(kind, (2, 2, 2), size=(1.0, 1.0, 2.0))))
-    computed, wanted = (frequencies(system_of(own, tied(own, *ties)), 20) for own, ties in ((mesh, [GLUE]), (one, [])))
-    assert computed[6:] == pytest.approx(wanted[6:], rel=1e-10)
+    merged = mesh_of(("one", kind, *box(kind, (2, 2, 2), size=(1.0, 1.0, 2.0))))
+    computed, expected = (frequencies(system_of(m, tied(m, *ties)), 20) for m, ties in ((mesh, [GLUE]), (merged, [])))
+    assert computed[6:] == pytest.approx(expected[6:], rel=1e-10)
 
 
 def curved(n_low, n_high, kind="hex8"):
-    """Return two concentric ring sectors about y that meet at radius 2 with different meshes: chords of one, arcs of the other."""
+    """Return two concentric ring sectors about y that touch at radius 2 with different meshes."""
     mesh = stack(kind, kind, n_low, n_high)
     angle, radius = 1.2 * mesh.points[:, 0], 1.0 + mesh.points[:, 2]
     mesh.points[:] = np.stack([-radius * np.cos(angle), mesh.points[:, 1], radius * np.sin(angle)], axis=1)
@@ -127,7 +127,7 @@ def curved(n_low, n_high, kind="hex8"):
 @pytest.mark.parametrize(
     "mesh", [stack("hex20", "tet10", (2, 2, 1), (3, 2, 1)), curved((3, 2, 1), (5, 3, 1))], ids=["flat", "curved"]
 )
-def test_six_motions_are_free_and_no_more(mesh, loose):
+def test_only_rigid_motions_are_free(mesh, unsupported):
     system = system_of(mesh, tied(mesh, GLUE.with_keys(tolerance=0.1)))
     K = gathered(system, "K")
     motions = np.array([on_rows(system, motion) for motion in rigid_motions(mesh.points)])
@@ -138,8 +138,8 @@ def test_six_motions_are_free_and_no_more(mesh, loose):
     assert np.abs(stretch[:6]).max() < 1e-12 and stretch[6] > 1e-5
 
 
-def test_a_finer_surface_on_a_coarser_one_bears_uniform_traction_exactly():
-    """Nested meshes of linear elements pass the patch test; others do not (docs/validation.md)."""
+def test_only_nested_meshes_transmit_uniform_traction_exactly():
+    """Nested meshes of linear elements pass the patch test; other meshes do not (docs/validation.md)."""
     for n_high, exact in (((4, 4, 1), True), ((3, 3, 1), False)):
         mesh = stack("hex8", "hex8", (2, 2, 1), n_high)
         case = tied(mesh, GLUE, supports=[("base", "z"), ("corner", "xy"), ("edge", "y")], poisson=0.0)
@@ -155,19 +155,19 @@ def test_a_finer_surface_on_a_coarser_one_bears_uniform_traction_exactly():
 
 
 @pytest.mark.ranks(1, 2)
-def test_other_meshes_converge(loose):
-    one = mesh_of(("one", "hex20", *box("hex20", (3, 3, 6), size=(1.0, 1.0, 2.0))))
-    wanted = frequencies(system_of(one, tied(one)), 9)[6:]
+def test_frequencies_with_nonmatching_meshes_converge(unsupported):
+    merged = mesh_of(("one", "hex20", *box("hex20", (3, 3, 6), size=(1.0, 1.0, 2.0))))
+    expected = frequencies(system_of(merged, tied(merged)), 9)[6:]
     errors = []
     for n_low, n_high in (((1, 1, 1), (2, 2, 1)), ((2, 2, 2), (3, 3, 2))):
         mesh = stack("hex20", "hex20", n_low, n_high)
-        errors.append(np.abs(frequencies(system_of(mesh, tied(mesh, GLUE)), 9)[6:] / wanted - 1.0).max())
+        errors.append(np.abs(frequencies(system_of(mesh, tied(mesh, GLUE)), 9)[6:] / expected - 1.0).max())
     assert errors[1] < 0.005 and errors[1] < 0.1 * errors[0]
 
 
 @pytest.mark.parametrize("second", ["hex8", "hex20"])
-def test_what_lies_near_is_tied_and_the_rest_stays_free(second):
-    """A surface with nodes off the other one is tied as that without them: as Abaqus does by its position tolerance."""
+def test_only_nodes_near_the_other_surface_are_tied(second):
+    """Distant nodes of a surface do not change its tie, as in Abaqus with its position tolerance."""
     mesh = stack("hex8", second)
     side = np.flatnonzero((mesh.points[:, 0] == 1.0) & (mesh.points[:, 2] >= 1.0))
     side = np.setdiff1d(side, mesh.node_groups["low_top"])
@@ -177,23 +177,25 @@ def test_what_lies_near_is_tied_and_the_rest_stays_free(second):
     cases = [
         tied(mesh, Tie(name="t", surfaces=(group, "low_top")), supports=[("base", "xyz")]) for group in ("high_bottom", "corner")
     ]
-    alone, both = (find_links(mesh, case) for case in cases)
-    assert f"tie 't': {n - beyond} of {n} nodes of 'corner' follow" in both.notes[0]
-    assert f"; {beyond} lie farther than 0.025 m from them and stay free" in both.notes[0] and "WARNING" not in both.notes[0]
-    np.testing.assert_array_equal(alone.dependent, both.dependent)
-    assert abs(alone.weights - both.weights).max() < 1e-14
+    near, extended = (find_links(mesh, case) for case in cases)
+    assert f"tie 't': {n - beyond} of {n} nodes of 'corner' follow" in extended.notes[0]
+    assert (
+        f"; {beyond} lie farther than 0.025 m from them and stay free" in extended.notes[0] and "WARNING" not in extended.notes[0]
+    )
+    np.testing.assert_array_equal(near.dependent, extended.dependent)
+    assert abs(near.weights - extended.weights).max() < 1e-14
     K = gathered(system_of(mesh, cases[0]), "K")
     np.testing.assert_allclose(gathered(system_of(mesh, cases[1]), "K"), K, rtol=0.0, atol=1e-14 * np.abs(K).max())
 
 
-def test_nodes_that_both_surfaces_have_are_one_already():
+def test_common_nodes_of_both_surfaces_are_not_tied():
     mesh = stack("hex8", "hex8")
     mesh.node_groups["all"] = np.union1d(mesh.node_groups["low_top"], mesh.node_groups["high_bottom"])
     (note,) = find_links(mesh, tied(mesh, Tie(name="t", surfaces=("all", "low_top")), supports=[("base", "xyz")])).notes
     assert "9 of 18 nodes of 'all' follow" in note and note.endswith("; 9 are nodes of both surfaces")
 
 
-def test_a_tie_of_which_most_lies_beyond_is_a_warning_and_its_free_faces_may_slip():
+def test_a_mostly_distant_tie_is_a_warning_and_its_free_faces_may_have_a_joint():
     mesh = stack("hex8", "hex8")
     high = np.arange(len(mesh.points)) >= 18
     mesh.node_groups["skin"] = np.flatnonzero(high)
@@ -204,8 +206,8 @@ def test_a_tie_of_which_most_lies_beyond_is_a_warning_and_its_free_faces_may_sli
     assert links.notes[0].startswith("WARNING: tie 'skin to low_top': 9 of 18 nodes") or "9 of 18" in links.notes[0]
 
 
-def test_a_chain_is_resolved():
-    """Of three boxes the middle one follows below and leads above."""
+def test_a_chain_of_ties_is_resolved():
+    """Of three boxes the middle one follows the lower one and leads the upper one."""
     boxes = [box("hex8", (k, k, 1), origin=(0.0, 0.0, z)) for k, z in ((2, 0.0), (3, 1.0), (4, 2.0))]
     starts = np.cumsum([0] + [len(points) for points, _ in boxes])
 
@@ -220,7 +222,7 @@ def test_a_chain_is_resolved():
         "high_bottom": of(2, 2.0),
     }
     side = {"side": lambda x: (x[:, 0] == 1.0) & (np.arange(len(x)) >= starts[1]) & (np.arange(len(x)) < starts[2])}
-    mesh = mesh_of(*((name, "hex8", *one) for name, one in zip(("low", "mid", "high"), boxes)), groups={**groups, **side})
+    mesh = mesh_of(*((name, "hex8", *part) for name, part in zip(("low", "mid", "high"), boxes)), groups={**groups, **side})
     shear = mesh.points[:, 2:] * np.array([0.3, -0.2, 0.7])
     ties = [Tie(name="a", surfaces=("mid_bottom", "low_top")), Tie(name="b", surfaces=("high_bottom", "mid_top"))]
     system = system_of(mesh, tied(mesh, *ties, supports=[("base", "xyz")]))
@@ -230,9 +232,8 @@ def test_a_chain_is_resolved():
         system_of(mesh, tied(mesh, *ties, supports=[("base", "xyz")], points=(point,)))
     ties, point = [Tie(name="a", surfaces=("low_top", "mid_bottom"))], point.with_keys(stiffness=(1.0, 1.0, 1.0))
     system = system_of(mesh, tied(mesh, *ties, supports=[("high", "xyz")], points=(point,)))
-    motion = rigid_motions(mesh.points - point.position)[
-        4
-    ]  # the lower box follows the middle one's side, which follows the point
+    # the lower box follows the side of the middle one, which follows the point
+    motion = rigid_motions(mesh.points - point.position)[4]
     w = np.zeros(system.n_dof)
     w[system.constraints.free[-1, 1]] = 1.0
     moved = system.at_nodes(w)
@@ -252,8 +253,8 @@ def column(n=(2, 2, 4), length=4.0, kind="hex20"):
 
 
 @pytest.mark.parametrize("freed", ["z", "rz"])
-def test_a_mass_on_a_bar(freed):
-    """Without contraction the static shape is linear, so that a mass far above the bar's has a third of that beside it."""
+def test_a_mass_on_a_bar_has_the_frequency_of_theory(freed):
+    """With Poisson's ratio 0 the static shape is linear: a third of the mass of the bar adds to a much larger mass at its end."""
     mesh, length = column(n=(4, 4, 4)), 4.0
     mass, inertia = 1e4 * DENSITY * length, (1.0, 1.0, 1e4 * DENSITY * length)
     point = Point(name="p", position=(0.5, 0.5, length), group="end", mass=mass, inertia=(*inertia, 0.0, 0.0, 0.0))
@@ -263,13 +264,13 @@ def test_a_mass_on_a_bar(freed):
     omega2 = (2.0 * np.pi * frequencies(system_of(mesh, case), 1)[0]) ** 2
     if freed == "z":
         assert omega2 == pytest.approx(YOUNG / length / (mass + DENSITY * length / 3.0), rel=1e-7)
-    else:  # Saint-Venant's torsion of a square, which its ends hinder a little
+    else:  # Saint-Venant's torsion of a square; restrained warping at the ends stiffens it
         assert omega2 == pytest.approx(0.1406 * (YOUNG / 2.0) / length / mass, rel=0.1)
         assert omega2 > 0.1406 * (YOUNG / 2.0) / length / mass
 
 
-def test_a_block_on_springs(loose):
-    """Far stiffer than its springs, it moves as a rigid body: six frequencies."""
+def test_a_block_on_springs_has_six_exact_frequencies(unsupported):
+    """The block is much stiffer than its springs and moves as a rigid body."""
     mesh = column(n=(1, 1, 1), length=1.0)
     k, kr = (1e5, 2e5, 3e5), (4e5, 5e5, 6e5)
     point = Point(
@@ -287,8 +288,8 @@ def test_a_block_on_springs(loose):
 
 
 @pytest.mark.parametrize("connection", ["rigid", "distributing"])
-def test_forces_and_moments_arrive(connection):
-    """The reactions of the support balance a force and a moment on the point."""
+def test_forces_and_moments_on_a_point_do_the_exact_work(connection):
+    """The work of a force and of a moment on the point in rigid motions is exact."""
     mesh = column()
     point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", connection=connection)
     F, moment = (1.0, 2.0, 3.0), (-2.0, 0.5, 4.0)
@@ -303,13 +304,13 @@ def test_forces_and_moments_arrive(connection):
         for motion, of_point in zip(rigid_motions(arms), np.eye(6)):
             w = on_rows(system, motion)
             if connection == "rigid":
-                own = system.constraints.free[-2:].ravel()
-                w[own] = of_point
+                rows = system.constraints.free[-2:].ravel()
+                w[rows] = of_point
             work.append(column_ @ w)
         assert work == pytest.approx([*force, *turn], abs=1e-12)
 
 
-def test_a_distributing_point_adds_no_stiffness_and_sees_rigid_motions():
+def test_a_distributing_point_adds_no_stiffness_and_follows_rigid_motions():
     mesh = column()
     point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", connection="distributing")
     outputs = [{"name": f"u{i}", "point": "p", "direction": tuple(np.eye(3)[i])} for i in range(3)]
@@ -321,23 +322,23 @@ def test_a_distributing_point_adds_no_stiffness_and_sees_rigid_motions():
         np.testing.assert_allclose(
             gathered(system, name), gathered(plain, name), rtol=0, atol=1e-12 * abs(gathered(plain, name)).max()
         )
-    for motion, seen in zip(rigid_motions(mesh.points - np.array(point.position)), np.eye(6)):
-        assert system.outputs @ on_rows(system, motion) == pytest.approx(seen, abs=1e-12)
+    for motion, expected in zip(rigid_motions(mesh.points - np.array(point.position)), np.eye(6)):
+        assert system.outputs @ on_rows(system, motion) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("weights", ["area", "equal"])
-def test_a_distributing_point_weighs_by_area_or_alike(weights):
-    """Lifting one corner of a quadratic face moves the mean by the corner's share."""
+def test_a_distributing_point_has_weights_by_area_or_equal_weights(weights):
+    """The weights of the nodes of a quadratic face add up to 1, and are equal if requested."""
     mesh = stack()
     point = Point(name="p", position=(0.5, 0.5, 2.0), group="top", connection="distributing", weights=weights)
     nodes = mesh.node_groups["top"]
     follower = of_distributing(mesh, point, len(mesh.points), len(mesh.points) + 2)
-    shares = np.array([follower.weights[2, 3 * node + 2] for node in nodes])
-    assert shares.sum() == pytest.approx(1.0) and (np.ptp(shares) < 1e-12) == (weights == "equal")
+    weights_z = np.array([follower.weights[2, 3 * node + 2] for node in nodes])
+    assert weights_z.sum() == pytest.approx(1.0) and (np.ptp(weights_z) < 1e-12) == (weights == "equal")
 
 
 def test_a_distributing_point_is_the_weighted_least_squares_motion_of_its_nodes():
-    """Stated weights, in the order of node numbers, as of a Nastran RBE3: any motion of the nodes, not a rigid one alone."""
+    """Stated weights, in the order of node numbers, as of a Nastran RBE3; the motion of the nodes is arbitrary."""
     mesh, random = stack(), np.random.default_rng(3)
     mesh = replace(mesh, numbers=random.permutation(len(mesh.points)) + 1)
     nodes = mesh.node_groups["top"]
@@ -360,8 +361,8 @@ def cross(r):
     return np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
 
 
-def test_a_spring_and_a_mass_on_a_distributing_point():
-    """Held by springs at the point alone: a load there finds their flexibility, and its mass is all on the nodes."""
+def test_springs_and_a_mass_on_a_distributing_point_act_on_its_nodes():
+    """Springs at the point support the block: a load there has their flexibility, and the mass adds to the total mass."""
     mesh = column(n=(1, 1, 1), length=1.0)
     point = Point(
         name="p",
@@ -379,8 +380,8 @@ def test_a_spring_and_a_mass_on_a_distributing_point():
     assert w @ gathered(system, "M") @ w == pytest.approx(DENSITY + 50.0, rel=1e-12)
 
 
-def test_a_point_is_held_in_some_directions():
-    """A rigid end that may slide but not turn: twelve E I / l^3 of a slender beam, shear apart."""
+def test_a_point_may_be_supported_in_some_directions():
+    """A rigid end that translates without rotation has the stiffness 12 E I / l^3 of a slender beam, reduced by shear."""
     mesh = column(n=(1, 1, 10), length=20.0)
     point = Point(name="p", position=(0.5, 0.5, 20.0), group="end")
     load, output = {"point": "p", "direction": (1.0, 0.0, 0.0)}, {"name": "u", "point": "p", "direction": (1.0, 0.0, 0.0)}
@@ -390,20 +391,23 @@ def test_a_point_is_held_in_some_directions():
     guided = flexibility(system_of(mesh, case))[0, 0]
     shear = 1.2 * 20.0 / (YOUNG / 2.0)
     assert free_end == pytest.approx(20.0**3 * 12.0 / (3.0 * YOUNG) + shear, rel=2e-3)
-    assert guided == pytest.approx(20.0**3 / YOUNG + shear, rel=5e-3)  # both ends hinder
-    held = case.with_keys(supports=(*case.supports, Support(point="p", fix=("x",))))
+    assert guided == pytest.approx(20.0**3 / YOUNG + shear, rel=5e-3)  # both ends restrain contraction
+    supported = case.with_keys(supports=(*case.supports, Support(point="p", fix=("x",))))
     with pytest.raises(CaseError, match=r"\[\[loads\]\] 1 acts only on degrees of freedom that a support fixes"):
-        system_of(mesh, held)
+        system_of(mesh, supported)
     sideways = {"point": "p", "direction": (0.0, 1.0, 0.0)}
-    still = tied(mesh, supports=[("base", "xyz")], points=(point,), loads=[sideways], outputs=[output], poisson=0.0)
-    still = still.with_keys(supports=(*still.supports, Support(point="p", fix=("x",))))
-    assert "WARNING: output 'u' is on degrees of freedom that a support fixes; it does not move" in system_of(mesh, still).notes
+    fixed_output = tied(mesh, supports=[("base", "xyz")], points=(point,), loads=[sideways], outputs=[output], poisson=0.0)
+    fixed_output = fixed_output.with_keys(supports=(*fixed_output.supports, Support(point="p", fix=("x",))))
+    assert (
+        "WARNING: output 'u' is on degrees of freedom that a support fixes; it does not move"
+        in system_of(mesh, fixed_output).notes
+    )
 
 
-# -- with the rest -----------------------------------------------------------------------------------------------------
+# -- ranks, contact, rotation -----------------------------------------------------------------------------------------------------
 
 
-def test_error_bars_agree_on_any_number_of_ranks():
+def test_flexibility_and_frequencies_agree_on_any_number_of_ranks():
     mesh = stack("hex8", "tet10", (2, 2, 2), (3, 2, 1))
     mesh.node_groups["high_side"] = np.flatnonzero((mesh.points[:, 0] == 1.0) & (mesh.points[:, 2] > 1.0))
     points = (
@@ -422,23 +426,23 @@ def test_error_bars_agree_on_any_number_of_ranks():
         {"name": "b", "position": (0.5, 0.5, 1.0), "direction": (1.0, 0, 0)},
     ]
     case = tied(mesh, GLUE, supports=[("base", "xyz")], points=points, loads=loads, outputs=outputs)
-    several, alone = system_of(mesh, case), system_of(mesh, case, MPI.COMM_SELF)
-    assert several.n_dof == alone.n_dof
+    several, serial = system_of(mesh, case), system_of(mesh, case, MPI.COMM_SELF)
+    assert several.n_dof == serial.n_dof
     assert np.diff(several.K.getOwnershipRange())[0] == len(several.parts)
-    assert flexibility(several) == pytest.approx(flexibility(alone), rel=1e-9)
-    assert frequencies(several, 10) == pytest.approx(frequencies(alone, 10), rel=1e-9)
-    w = np.random.default_rng(1).normal(size=alone.n_dof)  # by place
-    order = [system.constraints.free[system.constraints.free >= 0] for system in (several, alone)]
+    assert flexibility(several) == pytest.approx(flexibility(serial), rel=1e-9)
+    assert frequencies(several, 10) == pytest.approx(frequencies(serial, 10), rel=1e-9)
+    w = np.random.default_rng(1).normal(size=serial.n_dof)  # in the order of the nodes
+    order = [system.constraints.free[system.constraints.free >= 0] for system in (several, serial)]
     fields = []
-    for system, rows in zip((several, alone), order):
-        own = np.empty(system.n_dof)
-        own[rows] = w
-        fields.append(system.at_nodes(own))
+    for system, rows in zip((several, serial), order):
+        field = np.empty(system.n_dof)
+        field[rows] = w
+        fields.append(system.at_nodes(field))
     assert fields[0] == pytest.approx(fields[1], abs=1e-13)
 
 
-def test_contact_beside_a_tie_moves_with_it():
-    """Pairs at the rim of a joint whose nodes follow a tie: R T is the relative motion of the nodes as they follow."""
+def test_pairs_on_tied_nodes_follow_the_tie():
+    """R T is the relative motion of pairs at the edge of a joint whose nodes follow a tie."""
     base, wall, block = box("hex8"), box("hex8", (1, 3, 3), origin=(1.0, 0.0, 1.0)), box("hex8", origin=(0.0, 0.0, 1.0))
     n = np.cumsum([0, len(base[0]), len(wall[0]), len(block[0])])
 
@@ -463,15 +467,15 @@ def test_contact_beside_a_tie_moves_with_it():
     assert (system.R @ w).reshape(-1, 3) == pytest.approx(du, abs=1e-12)
 
 
-def test_what_turns_is_softened_across_the_axis():
-    """Without stress the change of the stiffness is - Omega^2 times the mass, that of the point among it."""
+def test_rotation_softens_the_structure_across_the_axis():
+    """Without stress the stiffness changes by - Omega^2 times the mass, with that of the point."""
     mesh = stack("hex8", "hex8", (2, 2, 1), (3, 3, 1))
     point = Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=1000.0)
     case = tied(mesh, GLUE, supports=[("base", "z")], points=(point,)).with_keys(statics=Statics(rotation_speed=20.0))
     system = system_of(mesh, case)
     first, last = system.K.getOwnershipRange()
-    shares = distribute(mesh if comm.rank == 0 else None, case, comm)
-    turning = replace(system, K=stiffness_at_rest(shares, case, system, np.zeros(last - first)).K)
+    dmesh = distribute(mesh if comm.rank == 0 else None, case, comm)
+    turning = replace(system, K=stiffness_at_rest(dmesh, case, system, np.zeros(last - first)).K)
     change = gathered(turning, "K") - gathered(system, "K")
     motions = np.array([on_rows(system, motion) for motion in rigid_motions(mesh.points)[:3]])
     motions[:, system.constraints.free[-2]] = np.eye(3)
@@ -481,7 +485,7 @@ def test_what_turns_is_softened_across_the_axis():
     assert motions @ change @ motions.T == pytest.approx(-(20.0**2) * mass * np.diag([1.0, 1.0, 0.0]), abs=1e-3)
 
 
-# -- what is refused ---------------------------------------------------------------------------------------------------
+# -- refused input ---------------------------------------------------------------------------------------------------
 
 
 def refused(mesh, case, error, match):
@@ -489,25 +493,25 @@ def refused(mesh, case, error, match):
         system_of(mesh, case)
 
 
-def test_no_node_near_the_facets():
+def test_a_tie_without_nodes_near_the_facets_is_refused():
     mesh = stack("hex8", "hex8")
     mesh.points[mesh.node_groups["high_bottom"], 2] += 0.2
-    says = r"tie 'glue': 9 of 9 nodes of 'high_bottom' lie farther than 0.025 m .* the nearest is node \d+ at .* m, 0.2 m"
-    refused(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]), MeshError, says)
+    message = r"tie 'glue': 9 of 9 nodes of 'high_bottom' lie farther than 0.025 m .* the nearest is node \d+ at .* m, 0.2 m"
+    refused(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]), MeshError, message)
     system_of(mesh, tied(mesh, GLUE.with_keys(tolerance=0.3), supports=[("base", "xyz")]))
 
 
 def test_faults_of_several_ties_and_points_are_one_message():
     mesh = stack("hex8", "hex8")
     mesh.node_groups["node"] = mesh.node_groups["top"][:1]
-    away = [Tie(name=name, surfaces=("top", "low_top")) for name in "ab"]
-    case = tied(mesh, *away, supports=[("base", "xyz")], points=(Point(name="p", position=(0.0, 0.0, 3.0), group="node"),))
+    distant = [Tie(name=name, surfaces=("top", "low_top")) for name in "ab"]
+    case = tied(mesh, *distant, supports=[("base", "xyz")], points=(Point(name="p", position=(0.0, 0.0, 3.0), group="node"),))
     refused(
         mesh, case, MeshError, r"(?s)3 faults:\n  1\. .*tie 'a': 9 of 9.*\n  2\. .*tie 'b': 9 of 9.*\n  3\. .*point 'p': the 1"
     )
 
 
-def test_ties_in_a_ring_and_twice():
+def test_cyclic_ties_are_refused_and_repeated_ties_noted():
     mesh = stack("hex8", "hex8")
     back = Tie(name="back", surfaces=GLUE.surfaces[::-1])
     refused(
@@ -516,13 +520,13 @@ def test_ties_in_a_ring_and_twice():
         MeshError,
         "tie 'glue' and tie 'back' follow each other in a ring",
     )
-    again = Tie(name="again", surfaces=GLUE.surfaces)
-    links = find_links(mesh, tied(mesh, GLUE, again, supports=[("base", "xyz")]))
+    repeated = Tie(name="again", surfaces=GLUE.surfaces)
+    links = find_links(mesh, tied(mesh, GLUE, repeated, supports=[("base", "xyz")]))
     assert "tie 'again': 0 of 9 nodes of 'high_bottom' follow" in links.notes[1] and "; 9 follow another tie" in links.notes[1]
     assert len(links.dependent) == 27
 
 
-def test_a_joint_on_tied_faces():
+def test_a_joint_on_tied_faces_is_refused():
     mesh = stack("hex8", "hex8")
     case = tied(mesh, GLUE, supports=[("base", "xyz")], joints=[joint(surfaces=("low_top", "high_bottom"))])
     refused(
@@ -533,19 +537,19 @@ def test_a_joint_on_tied_faces():
     )
 
 
-def test_supports_on_what_follows():
+def test_supports_on_following_nodes_are_refused_unless_the_leading_nodes_are_supported():
     mesh = stack("hex8", "hex8")
     mesh.node_groups["side"] = np.flatnonzero(mesh.points[:, 0] == 0.0)
     mesh.node_groups["high_side"] = np.flatnonzero(
         (mesh.points[:, 0] == 0.0) & np.isin(np.arange(len(mesh.points)), mesh.elements[1].nodes)
     )
-    both = system_of(mesh, tied(mesh, GLUE, supports=[("base", "yz"), ("side", "x")]))  # what leads is held as well
+    both = system_of(mesh, tied(mesh, GLUE, supports=[("base", "yz"), ("side", "x")]))  # the leading nodes are also supported
     assert both.at_nodes(np.ones(both.n_dof))[mesh.node_groups["side"], 0] == pytest.approx(0.0, abs=0.0)
     case = tied(mesh, GLUE, supports=[("base", "xyz"), ("high_side", "x")])
     refused(mesh, case, MeshError, r"3 degrees of freedom have a support and follow .* along x; support what leads")
 
 
-def test_a_point_that_follows_is_not_held():
+def test_a_distributing_point_cannot_be_supported():
     mesh = column()
     case = tied(
         mesh,
@@ -556,18 +560,18 @@ def test_a_point_that_follows_is_not_held():
     refused(mesh, case, MeshError, "point 'p' follows its nodes and cannot be held")
 
 
-def test_what_is_tied_moves_freely_together():
+def test_tied_bodies_have_common_rigid_motions():
     mesh = stack("hex8", "hex8", (2, 2, 1), (3, 3, 1))
     point = Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=1.0)
     case = tied(mesh, GLUE, supports=[("base", "z")], points=(point,))
     system = system_of(mesh, case)
     assert system.rigid_owned.shape[1] == 3
-    strained = np.abs(multiply(system.K, system.rigid_owned)).max(initial=0.0)
-    assert strained <= 1e-12 * system.K.norm()
+    force = np.abs(multiply(system.K, system.rigid_owned)).max(initial=0.0)
+    assert force <= 1e-12 * system.K.norm()
     assert any("2 translations and 1 turning motion" in note for note in system.notes)
 
 
-def test_a_coarser_surface_that_follows_is_noted():
+def test_a_coarser_following_surface_is_noted():
     mesh = stack("hex8", "hex8", (3, 3, 1), (2, 2, 1))
     base = [("base", "xyz")]
     (note,) = system_of(mesh, tied(mesh, GLUE, supports=base)).constraints.notes
@@ -576,7 +580,7 @@ def test_a_coarser_surface_that_follows_is_noted():
     assert "swapped" not in note
 
 
-def test_groups_that_cannot_turn():
+def test_points_on_collinear_nodes_are_refused():
     mesh = column()
     mesh.node_groups["line"] = np.flatnonzero((mesh.points[:, 0] == 0.0) & (mesh.points[:, 2] == 4.0))
     for connection in ("rigid", "distributing"):
@@ -589,7 +593,7 @@ def test_groups_that_cannot_turn():
         )
 
 
-def test_what_a_spring_holds_is_held_and_a_tie_holds_what_it_ties():
+def test_springs_of_points_and_ties_support_bodies():
     mesh = stack("hex8", "hex8")
     free_ = tied(mesh, supports=[("base", "xyz")])
     refused(mesh, free_, MeshError, "nothing holds body 'high'")
@@ -597,8 +601,8 @@ def test_what_a_spring_holds_is_held_and_a_tie_holds_what_it_ties():
     point = Point(name="p", position=(0.5, 0.5, 2.0), group="top")
     refused(mesh, tied(mesh, points=(point,)), MeshError, "nothing holds body 'low'; body 'high'")
     free = system_of(mesh, tied(mesh, GLUE, points=(point,)))
-    strained = np.abs(multiply(free.K, free.rigid_owned)).max(initial=0.0)
-    assert free.rigid_owned.shape[1] == 6 and strained <= 1e-11 * max(comm.allgather(diagonal_owned(free.K).max(initial=0.0)))
+    force = np.abs(multiply(free.K, free.rigid_owned)).max(initial=0.0)
+    assert free.rigid_owned.shape[1] == 6 and force <= 1e-11 * max(comm.allgather(diagonal_owned(free.K).max(initial=0.0)))
     system_of(mesh, tied(mesh, GLUE, points=(point.with_keys(stiffness=(1.0, 1.0, 1.0)),)))
 
 
@@ -608,29 +612,29 @@ BASED = ("base", "xyz")
 
 
 def jointed(supports, *points, n_high=(2, 2, 1), gap=0.0, **keys):
-    """Return the notes of two boxes on each other with a joint, the points in ``supports`` held.  Collective."""
+    """Return the notes of two stacked boxes with a joint and these supports of groups and points.  Collective."""
     of_groups, of_points = [s for s in supports if not isinstance(s, Support)], [s for s in supports if isinstance(s, Support)]
     mesh = stack("hex8", "hex8", n_high=n_high, gap=gap)
     case = tied(mesh, supports=of_groups, points=points, joints=[joint(surfaces=ON_TOP, **keys)])
     return system_of(mesh, case.with_keys(supports=(*case.supports, *of_points))).notes
 
 
-def held(*names):
+def fixed(*names):
     return [Support(point=name, fix=("x", "y", "z", "rx", "ry", "rz")) for name in names]
 
 
 @pytest.mark.parametrize(
     "supports, points",
     [
-        ([BASED, *held("low_top", "high_bottom")], (LOW, HIGH)),
-        ([BASED, ("low_top", "xyz"), *held("high_bottom")], (HIGH,)),
+        ([BASED, *fixed("low_top", "high_bottom")], (LOW, HIGH)),
+        ([BASED, ("low_top", "xyz"), *fixed("high_bottom")], (HIGH,)),
         ([BASED], (Point(name="both", position=(0.3, 0.2, 1.7), group="interface"),)),
     ],
 )
 def test_a_joint_whose_sides_cannot_move_relative_to_each_other_is_refused(supports, points):
-    """Rows of R T vanish: both sides on fixed points, one on a support, both on one free point, also across a gap."""
-    apart = {"gap": 0.01, "pairing": "mortar", "tolerance": 0.02}
-    for more in ({}, {"n_high": (3, 2, 1), "pairing": "mortar"}, apart):
+    """Rows of R T vanish with both sides on fixed points, one of them on a support, or both on a free point; also with a gap."""
+    with_gap = {"gap": 0.01, "pairing": "mortar", "tolerance": 0.02}
+    for more in ({}, {"n_high": (3, 2, 1), "pairing": "mortar"}, with_gap):
         with pytest.raises(CaseError, match=r"joint 'joint': the two sides of all its \d+ pairs cannot move relative to each"):
             jointed(supports, *points, **more)
 
@@ -640,11 +644,11 @@ def test_a_joint_whose_sides_cannot_move_relative_to_each_other_is_refused(suppo
     [
         ([BASED, ("low_top", "z"), ("high_bottom", "z")], (), "9 of its 9 pairs cannot open: .* normal relative motion"),
         ([BASED, ("low_top", "xy"), ("high_bottom", "xy")], (), "9 of its 9 pairs cannot slip: .* tangential relative motion"),
-        ([BASED, *held("low_top")], (LOW,), None),
+        ([BASED, *fixed("low_top")], (LOW,), None),
         ([BASED], (LOW, HIGH), None),
         ([BASED, ("high_bottom", "z")], (), None),
     ],
 )
-def test_directions_in_which_pairs_cannot_move_are_reported(supports, points, words):
+def test_pairs_that_cannot_open_or_slip_are_reported(supports, points, words):
     notes = comm.bcast(jointed(supports, *points))
     assert len(re.findall(words, " ".join(notes))) == 1 if words else not any("cannot" in note for note in notes)

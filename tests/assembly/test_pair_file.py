@@ -1,4 +1,4 @@
-"""Pairs of DOFs from CSV: what is written arrives, and every fault gives one message that names file and line."""
+"""Pairs of DOFs from CSV: values are read, and every fault gives one message that names file and line."""
 
 import numpy as np
 import pytest
@@ -17,13 +17,13 @@ def write(folder, *lines):
     return path
 
 
-def test_pairs_arrive(tmp_path):
+def test_pairs_have_the_values_of_the_file(tmp_path):
     table = read_pairs(write(tmp_path, HEADER, FIRST, SECOND), N_DOF)
     assert table[0].tolist() == [0, 1, 2, 3, 4, 5, 0.3, 60.0, 0.0, 5e5, 8e5]
     assert table[1].tolist() == [6, 7, 8, -1, -1, -1, 0.25, 0.0, 1e-6, 4e5, 6e5]
 
 
-def test_order_of_columns_blanks_capitals_comments_and_the_marks_of_a_spreadsheet_do_not_matter(tmp_path):
+def test_order_of_columns_blanks_capitals_comments_and_byte_order_mark_do_not_matter(tmp_path):
     order = np.random.default_rng(0).permutation(len(COLUMNS))
     lines = [", ".join(np.array(line.split(","))[order]) for line in (HEADER.upper(), FIRST, SECOND)]
     path = tmp_path / "pairs.csv"
@@ -59,7 +59,7 @@ def test_a_mistake_gives_one_message(tmp_path, lines, expected):
     assert str(caught.value).startswith(str(path)) and expected in str(caught.value)
 
 
-def test_files_that_are_no_text_and_folders(tmp_path):
+def test_binary_files_and_folders_are_refused(tmp_path):
     path = write(tmp_path, HEADER)
     path.write_bytes(HEADER.encode("utf-16"))
     with pytest.raises(CaseError, match="not a text file of comma-separated values"):
