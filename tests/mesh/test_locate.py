@@ -1,4 +1,4 @@
-"""Nodes by position, number and group; connected parts and what holds them."""
+"""Nodes by position, number and group; connected parts and their supports."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def stack():
     return mesh_of(("low", "hex8", *box("hex8")), ("high", "hex8", *box("hex8", origin=(0, 0, 1))), groups=GROUPS)
 
 
-def test_find_node():
+def test_nodes_are_located_by_position_number_and_group():
     mesh = stack()
     (nearest,) = find_node(mesh, position=(0.51, 0.49, 2.01))
     np.testing.assert_allclose(mesh.points[nearest], (0.5, 0.5, 2.0))
@@ -39,7 +39,7 @@ def test_a_position_on_both_sides_of_a_joint_names_the_node_used():
     assert note.startswith("[[loads]] 1: node 1003 of 'low' is used; at the same place: node 1028 of 'high'")
 
 
-def test_find_node_fails_with_one_message():
+def test_nodes_that_do_not_exist_give_one_message():
     mesh = stack()
     with pytest.raises(MeshError, match=r"loads\]\] 2 position = \(0, 0, 2000\) m is 2e\+03 m from the nearest node"):
         find_node(mesh, position=(0, 0, 2000), where="[[loads]] 2")
@@ -54,8 +54,8 @@ def test_parts_are_named_by_their_bodies():
     part, names = connected_parts(mesh, {"low": "disc", "high": "blade"})
     assert names == ("body 'disc'", "body 'blade'")
     assert np.bincount(part).tolist() == [27, 27]
-    both = np.vstack([block.nodes for block in mesh.elements])
-    _, names = connected_parts(mesh_of(("all", "hex8", mesh.points, both)), {"all": "all"})
+    all_nodes = np.vstack([block.nodes for block in mesh.elements])
+    _, names = connected_parts(mesh_of(("all", "hex8", mesh.points, all_nodes)), {"all": "all"})
     assert names[0] == "body 'all' (a separate piece around (0.5, 0.5, 0.5) m)"
 
 
@@ -68,8 +68,8 @@ def test_parts_are_named_by_their_bodies():
         ([], [], "nothing holds body 'disc'; body 'blade'"),
     ],
 )
-def test_every_part_must_be_held(supports, joints, message):
-    """By supports, or by a joint to what is held; a structure without any support may be free where it is one."""
+def test_every_part_must_be_supported(supports, joints, message):
+    """A part has supports or a joint to a supported part; a structure without supports may be free if it is connected."""
     mesh = stack()
     case = settings({"disc": "low", "blade": "high"}, supports, joints)
     part, names = connected_parts(mesh, case.body_of)

@@ -1,4 +1,4 @@
-"""Distribution of the mesh: every node has one owner, every rank all elements that touch its nodes."""
+"""Distribution of the mesh: every node has one owner, and every rank has all elements with a node that it owns."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def two_kinds():
 
 
 @pytest.mark.parametrize("mesh", [two_kinds()] + [mesh_of(("low", kind, *box(kind, (3, 2, 1)))) for kind in KINDS])
-def test_owners_and_elements(mesh):
+def test_every_node_has_one_owner_and_ranks_have_the_elements_of_their_nodes(mesh):
     dmesh = distribute(mesh if comm.rank == 0 else None, CASE, comm)
     assert dmesh.node_ranges[0] == 0 and dmesh.node_ranges[-1] == len(mesh.points)
     assert (np.diff(dmesh.node_ranges) > 0).all()
@@ -40,11 +40,11 @@ def test_owners_and_elements(mesh):
 def test_nodes_are_balanced():
     mesh = mesh_of(("low", "hex20", *box("hex20", (12, 4, 4))))
     dmesh = distribute(mesh if comm.rank == 0 else None, CASE, comm)
-    share = np.diff(dmesh.node_ranges) * comm.size / len(mesh.points)
-    assert share.max() < 1.15 and share.min() > 0.7
+    load = np.diff(dmesh.node_ranges) * comm.size / len(mesh.points)
+    assert load.max() < 1.15 and load.min() > 0.7
 
 
-def test_more_ranks_than_elements():
+def test_ranks_without_elements_are_possible():
     mesh = mesh_of(("low", "hex8", *box("hex8", (1, 1, 1))))
     dmesh = distribute(mesh if comm.rank == 0 else None, CASE, comm)
     assert dmesh.node_ranges.tolist() == [0] + [8] * comm.size

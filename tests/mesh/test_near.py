@@ -1,12 +1,12 @@
-"""What lies near given places, whatever the sizes: all of it, and little else."""
+"""Search for balls of any size near given points: complete, with few others."""
 
 import numpy as np
 
 from microslip.mesh.near import pairs_within, trees_by_size
 
 
-def test_all_that_is_near_is_found_and_little_else():
-    """Sizes over four decades, against all pairs one by one; a few large things do not bring all small ones."""
+def test_the_search_returns_all_near_balls_and_few_others():
+    """Radii over four decades, against the distances of all pairs; large balls do not add distant small ones."""
     rng = np.random.default_rng(5)
     radius = 10.0 ** rng.uniform(-4.0, 0.0, 300)
     centre, queries, reach = rng.random((300, 3)), rng.random((200, 3)), 1e-2 * rng.random(200)
@@ -18,8 +18,8 @@ def test_all_that_is_near_is_found_and_little_else():
     assert all(distance[i, j] <= reach[i] + 2.0 * radius[j] for i, j in computed)
 
 
-def test_nothing_is_near_nothing():
-    none = np.zeros((0, 3))
-    for centre, queries in ((none, np.zeros((2, 3))), (np.zeros((2, 3)), none)):
+def test_an_empty_search_returns_no_pairs():
+    empty = np.zeros((0, 3))
+    for centre, queries in ((empty, np.zeros((2, 3))), (np.zeros((2, 3)), empty)):
         at, on = pairs_within(trees_by_size(centre, np.ones(len(centre))), queries, np.ones(len(queries)))
         assert len(at) == len(on) == 0

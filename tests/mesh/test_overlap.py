@@ -1,4 +1,4 @@
-"""Contact of surfaces with different meshes: averages over what their faces share, and what is refused."""
+"""Contact of surfaces with different meshes: averages over the overlap of their faces, and refused input."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ SURFACES = ("upper_bottom", "lower_top")
 
 
 def boxes(lower="hex8", upper="hex8", n_lower=(2, 3, 1), n_upper=(3, 4, 1), size=(1.0, 1.0, 1.0), shift=(0.0, 0.0)):
-    """Return two boxes of their own meshes, the upper one on the lower one at z = 1."""
+    """Return two boxes with different meshes, the upper one on the lower one at z = 1."""
     first, second = box(lower, n_lower), box(upper, n_upper, size=size, origin=(*shift, 1.0))
     TOUCH["n"] = len(first[0])
     groups = {name: claim for name, claim in TOUCH.items() if name != "n"}
@@ -30,10 +30,10 @@ def boxes(lower="hex8", upper="hex8", n_lower=(2, 3, 1), n_upper=(3, 4, 1), size
 
 
 def skewed(mesh, amount=0.12):
-    """Move the nodes inside the square within each plane z, differently in the two bodies: faces without parallel sides."""
+    """Move inner nodes within each plane z, differently in the two bodies, so that faces have no parallel sides."""
     x, y = mesh.points[:, 0].copy(), mesh.points[:, 1].copy()
-    own = np.where(np.arange(len(x)) < TOUCH["n"], 1.0, -1.3)
-    bump = amount * own * np.sin(np.pi * x) * np.sin(np.pi * y)
+    factor = np.where(np.arange(len(x)) < TOUCH["n"], 1.0, -1.3)
+    bump = amount * factor * np.sin(np.pi * x) * np.sin(np.pi * y)
     mesh.points[:, 0] += bump
     mesh.points[:, 1] += 0.7 * bump
     return mesh
@@ -51,15 +51,15 @@ def consistent_areas(mesh, group):
 @pytest.mark.slow
 @pytest.mark.parametrize("lower", KINDS)
 @pytest.mark.parametrize("upper", ["hex8", "tet10"])
-def test_flat_averages(lower, upper):
-    """Both sides keep linear fields, and a uniform pressure loads both as their shape functions ask."""
+def test_averages_over_cells_are_exact_for_linear_fields_and_uniform_pressure(lower, upper):
+    """Both sides reproduce linear fields, and a uniform pressure gives the consistent nodal forces on both."""
     mesh = boxes(lower, upper)
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points"))
     assert points.note and (points.area > 0.0).all()
     for side in (points.side1, points.side2):
         np.testing.assert_allclose(side.sum(axis=1), 1.0, rtol=1e-13)
         np.testing.assert_allclose(side @ mesh.points, points.position, atol=1e-13)
-    if upper == "hex8":  # rectangles, whose corners have the middle of the cell as their mean
+    if upper == "hex8":  # rectangles: the mean of the corners is the centre of the cell
         np.testing.assert_allclose(points.position, points.cells.mean(axis=1), atol=1e-13)
     assert points.area.sum() == pytest.approx(1.0, rel=1e-12)
     np.testing.assert_allclose(points.z, np.tile([0.0, 0.0, 1.0], (points.n_points, 1)), atol=1e-12)
@@ -69,8 +69,8 @@ def test_flat_averages(lower, upper):
 
 @pytest.mark.parametrize("lower", ["hex20", "tet4"])
 @pytest.mark.parametrize("upper", ["hex8", "hex20", "tet4", "tet10"])
-def test_moments_over_faces(lower, upper):
-    """A mortar keeps linear fields and passes uniform pressure on, too; its areas are those of the integration points."""
+def test_mortars_are_exact_for_linear_fields_and_uniform_pressure(lower, upper):
+    """A mortar reproduces linear fields and gives the consistent nodal forces of a uniform pressure."""
     mesh = boxes(lower, upper)
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing="mortar"))
     assert (points.area > 0.0).all() and points.area.sum() == pytest.approx(1.0, rel=1e-12)
@@ -82,13 +82,13 @@ def test_moments_over_faces(lower, upper):
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "tet4", "tet10"])
 def test_a_mortar_of_matching_meshes_has_the_consistent_stiffness(kind):
-    """Springs over the surface: the integrals of products of shape functions; and what both sides do alike opens nothing."""
+    """The stiffness is the integral of products of shape functions; equal motion of both sides has no relative motion."""
     mesh = boxes(kind, kind, n_upper=(2, 3, 1))
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing="mortar"))
-    ((own, faces),) = surface_of(mesh, "upper_bottom").faces.items()
-    rule, is_square = elements.FINER_SAMPLES, own.startswith("quad")
+    ((face_kind, faces),) = surface_of(mesh, "upper_bottom").faces.items()
+    rule, is_square = elements.FINER_SAMPLES, face_kind.startswith("quad")
     local = np.concatenate([2.0 * rule.points - 1.0, 1.0 - 2.0 * rule.points]) if is_square else rule.points
-    N = elements.FACE_KINDS[own].values(local)
+    N = elements.FACE_KINDS[face_kind].values(local)
     of_face = np.einsum("s,sa,sb->ab", np.resize(rule.weights, len(local)), N, N) / np.resize(rule.weights, len(local)).sum()
     exact = np.zeros((len(mesh.points), len(mesh.points)))
     for face in faces:
@@ -99,11 +99,11 @@ def test_a_mortar_of_matching_meshes_has_the_consistent_stiffness(kind):
     np.testing.assert_allclose(side1 @ field, side2 @ field, atol=1e-12)
 
 
-def test_a_mortar_takes_means_of_faces_that_are_not_covered_wholly():
+def test_a_mortar_uses_means_on_partly_covered_faces():
     mesh = boxes(n_lower=(5, 4, 1), n_upper=(8, 8, 1), size=(1.008, 1.008, 1.0))
     mortar, means = (contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("mortar", "points"))
     same = np.abs((mortar.side1 - means.side1).toarray()).max(axis=1) < 1e-12
-    assert np.count_nonzero(same) == 4 * 15  # of the faces along two edges
+    assert np.count_nonzero(same) == 4 * 15  # points of the faces along two edges
     assert "contact points, mortars on faces of 'upper_bottom' (60 of them means over cells," in mortar.note
     assert "contact points, in cells of 'upper_bottom'; 'lower_top' covers" in means.note
     for points in (mortar, means):
@@ -113,7 +113,7 @@ def test_a_mortar_takes_means_of_faces_that_are_not_covered_wholly():
 
 @pytest.mark.parametrize("pairing", ["points", "mortar"])
 @pytest.mark.parametrize("kinds", [("hex8", "hex8"), ("tet4", "hex8"), ("wedge6", "tet4")])
-def test_skewed_faces(kinds, pairing):
+def test_contact_points_on_skewed_faces_are_exact_for_linear_fields_and_uniform_pressure(kinds, pairing):
     mesh = skewed(boxes(*kinds, n_lower=(3, 3, 1), n_upper=(4, 5, 1)))
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing))
     assert (points.area > 0.0).all()
@@ -124,13 +124,13 @@ def test_skewed_faces(kinds, pairing):
 
 @pytest.mark.parametrize("pairing", ["points", "mortar"])
 @pytest.mark.parametrize("n_lower", [(4, 2, 1), (5, 2, 1)])
-@pytest.mark.parametrize("kind, loses", [("hex20", 1e-4), ("tet10", 1e-4), ("hex8", 1e-2)])
-def test_edges_that_curve_in_the_surface_lose_nothing(kind, loses, n_lower, pairing):
-    """A joint along an arc in its own plane, as of a dovetail pushed in along an arc: all of its area has a partner."""
+@pytest.mark.parametrize("kind, tolerance", [("hex20", 1e-4), ("tet10", 1e-4), ("hex8", 1e-2)])
+def test_curved_edges_in_the_surface_lose_no_area(kind, tolerance, n_lower, pairing):
+    """All area of a plane joint along an arc, as of a curved dovetail, has a partner."""
     mesh = boxes(kind, kind, n_lower=n_lower, n_upper=(4, 2, 1))
     mesh.points[:, 1] += 0.2 * mesh.points[:, 0] ** 2
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing))
-    assert points.area.sum() == pytest.approx(1.0, rel=loses)
+    assert points.area.sum() == pytest.approx(1.0, rel=tolerance)
     n_cells = {"hex20": 9, "tet10": 6, "hex8": 4}[kind]
     assert points.n_points == n_cells * sum(map(len, surface_of(mesh, "upper_bottom").faces.values()))
     for side in (points.side1, points.side2):
@@ -138,7 +138,7 @@ def test_edges_that_curve_in_the_surface_lose_nothing(kind, loses, n_lower, pair
 
 
 @pytest.mark.parametrize("kinds", [("hex8", "tet4"), ("hex20", "hex20")])
-def test_auto_takes_mortars_where_meshes_do_not_match(kinds):
+def test_auto_selects_mortars_for_different_meshes(kinds):
     mesh = boxes(*kinds)
     auto, mortar = (contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("auto", "mortar"))
     for name in ("side1", "side2"):
@@ -147,17 +147,17 @@ def test_auto_takes_mortars_where_meshes_do_not_match(kinds):
     assert auto.note == mortar.note and "contact points, mortars on faces of 'upper_bottom'; 'lower_top' covers" in auto.note
 
 
-def test_auto_takes_means_where_no_face_is_covered_wholly():
-    """A strip of single faces whose edge hangs over: its mortar would have moments of nothing there."""
+def test_auto_uses_means_only_in_rows_of_partly_covered_faces():
+    """A strip of one row of faces, whose edges protrude, has mortars; a fine mesh has means along these edges."""
     mesh = boxes(n_lower=(3, 2, 1), n_upper=(4, 1, 1), size=(1.0, 1.015, 1.0), shift=(0.0, -0.0075))
     thin = boxes(n_lower=(3, 2, 1), n_upper=(4, 12, 1), size=(1.0, 1.015, 1.0), shift=(0.0, -0.0075))
-    for one, n_means in ((mesh, 0), (thin, 32)):
-        auto, means = (contact_points(one, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("auto", "points"))
+    for boxes_, n_means in ((mesh, 0), (thin, 32)):
+        auto, means = (contact_points(boxes_, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("auto", "points"))
         same = np.abs((auto.side1 - means.side1).toarray()).max(axis=1) < 1e-12
         assert np.count_nonzero(same) == n_means and (f"({n_means} of them means" in auto.note) is (n_means > 0)
 
 
-def test_matching_meshes_stay_node_to_node():
+def test_matching_meshes_have_node_to_node_pairs():
     mesh = boxes(n_upper=(2, 3, 1))
     auto, nodes = (pair_contacts(mesh, [joint(pairing=pairing)]) for pairing in ("auto", "nodes"))
     np.testing.assert_array_equal(auto.node1, nodes.node1)
@@ -174,7 +174,7 @@ def ring_sectors(inner, outer, n_inner, n_outer):
 
 @pytest.mark.parametrize("pairing", ["points", "mortar"])
 @pytest.mark.parametrize("kinds, tolerance", [(("hex20", "hex20"), 2e-4), (("tet10", "hex20"), 2e-3), (("hex8", "hex8"), 0.02)])
-def test_a_cylinder_of_two_meshes(kinds, tolerance, pairing):
+def test_a_cylinder_of_two_meshes_has_its_area_and_normals(kinds, tolerance, pairing):
     mesh = ring_sectors(*kinds, (5, 2, 1), (7, 3, 1))
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing))
     assert (points.area > 0.0).all() and points.area.sum() == pytest.approx(np.pi, rel=tolerance)
@@ -186,8 +186,8 @@ def test_a_cylinder_of_two_meshes(kinds, tolerance, pairing):
     assert np.abs(points.distance).max() < 0.02
 
 
-def test_a_small_foot_on_a_large_plate():
-    """Only what the first surface covers counts; a plate on a foot would be left without partner."""
+def test_only_the_first_surface_must_be_covered():
+    """The area is that of a small first surface on a larger second one; the reverse order is refused."""
     mesh = boxes(n_lower=(5, 5, 1), n_upper=(2, 2, 1), size=(0.37, 0.41, 1.0), shift=(0.21, 0.33))
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing="auto"))
     assert points.n_points == 16
@@ -200,8 +200,8 @@ def test_a_small_foot_on_a_large_plate():
         contact_points(mesh, joint(surfaces=SURFACES[::-1], pairing="auto"))
 
 
-def test_with_a_gap_of_the_mesh_the_rest_of_a_surface_stays_free():
-    """A contact pair of other programs: the larger surface may come first, and a tenth of it may be opposite."""
+def test_a_surface_with_the_gap_of_the_mesh_may_have_a_partner_in_part():
+    """As in contact pairs of other programs, the larger surface may be first, and a tenth of it may have a partner."""
     mesh = boxes(n_lower=(5, 5, 1), n_upper=(2, 2, 1), size=(0.37, 0.41, 1.0), shift=(0.21, 0.33))
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.01
     points = contact_points(mesh, joint(surfaces=SURFACES[::-1], pairing="auto", gap="geometry"))
@@ -210,8 +210,8 @@ def test_with_a_gap_of_the_mesh_the_rest_of_a_surface_stays_free():
     assert points.note.startswith("WARNING: joint") and points.note.endswith("; the rest has no partner and stays free")
 
 
-def test_with_a_gap_of_the_mesh_what_turns_away_stays_free():
-    """A round surface on a plane: points are where its normal is within 20 degrees of the plane's, as its area there."""
+def test_inclined_faces_with_the_gap_of_the_mesh_have_no_contact_points():
+    """A round surface on a plane has points where their normals differ by less than 20 degrees, with that area."""
     mesh = boxes(n_lower=(4, 4, 1), n_upper=(48, 2, 1))
     upper = np.arange(len(mesh.points)) >= TOUCH["n"]
     angle, radius = np.radians(90.0) * (mesh.points[upper, 0] - 0.5), 2.5 - mesh.points[upper, 2]
@@ -222,7 +222,7 @@ def test_with_a_gap_of_the_mesh_what_turns_away_stays_free():
     assert points.z[:, 2].min() > np.cos(np.radians(20.0 / 2.0)) and points.distance.min() == pytest.approx(0.01, abs=1e-3)
 
 
-def test_surfaces_too_far_apart_or_back_to_front():
+def test_distant_and_reversed_surfaces_are_refused():
     mesh = boxes()
     upper = np.arange(len(mesh.points)) >= TOUCH["n"]
     mesh.points[upper, 2] += 0.5
@@ -243,15 +243,15 @@ def test_penetration_at_rest_is_refused():
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] -= 0.01
     with pytest.raises(MeshError, match=r"the sides penetrate at rest, by 0.01 m at \(.*\) m; move them apart, or state the gap"):
         pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap="geometry")])
-    pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")])  # within the tolerance, as it was drawn
+    pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")])  # within the tolerance
     assert pairs.n_pairs == 48
     assert "joint 'joint': the sides penetrate in the mesh, by 0.01 m at " in pairs.notes[-1]
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] -= 0.015
     for gap in ({}, {"gap": 0.1, "preload": 0.0}):
-        says = (
+        message = (
             r"by 0.025 m at \(.*\) m, more than 5% of the size of their faces, 0.02\d* m: .* state tolerance = 0.026 \(m\) in the"
         )
-        with pytest.raises(MeshError, match=says):
+        with pytest.raises(MeshError, match=message):
             pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", **gap)])
         pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tolerance=0.026, **gap)])
         assert pairs.n_pairs == 48 and "penetrate" in pairs.notes[-1]
@@ -266,16 +266,16 @@ def test_penetration_at_rest_is_refused():
     assert not any("penetrate" in note for note in pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")]).notes)
 
 
-def test_a_gap_of_the_mesh_is_not_advised_where_it_is_stated():
+def test_a_gap_of_the_mesh_is_suggested_unless_stated():
     mesh = boxes()
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.5
-    for gap, advised in ((0.0, True), ("geometry", False)):
+    for gap, is_suggested in ((0.0, True), ("geometry", False)):
         with pytest.raises(MeshError, match="or state a larger tolerance") as caught:
             pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=gap, tolerance=0.1)])
-        assert ('gap = "geometry"' in str(caught.value)) is advised
+        assert ('gap = "geometry"' in str(caught.value)) is is_suggested
 
 
-def test_a_plane_takes_its_gap_from_the_mesh():
+def test_the_gap_to_a_plane_is_that_of_the_mesh():
     mesh = boxes()
     tilted = {"against": "plane", "plane_point": (0.0, 0.0, -0.1), "plane_normal": (0.0, 0.6, 3.0)}
     for pairing in ("auto", "points"):
@@ -287,7 +287,7 @@ def test_a_plane_takes_its_gap_from_the_mesh():
 
 
 @pytest.mark.parametrize(
-    "point, normal, keys, says",
+    "point, normal, keys, message",
     [
         ((0.0, 0.0, -0.1), (0.0, 0.0, -1.0), {}, "faces away from the plane at .* plane_normal points from the rigid ground"),
         ((0.0, 0.0, -0.1), (3.0, 0.0, 1.0), {}, "is at 72 degrees to the plane at its nearest point, .* check plane_normal"),
@@ -296,9 +296,9 @@ def test_a_plane_takes_its_gap_from_the_mesh():
         ((0.0, 0.0, -0.05), (0.0, 0.0, 1.0), {"tolerance": 1e-6}, "at most 1e-06 m are expected"),
     ],
 )
-def test_a_plane_that_the_surface_does_not_face_or_is_far_from_is_refused(point, normal, keys, says):
+def test_a_distant_or_inclined_plane_is_refused(point, normal, keys, message):
     plane = {"against": "plane", "plane_point": point, "plane_normal": normal}
-    with pytest.raises(MeshError, match=says):
+    with pytest.raises(MeshError, match=message):
         pair_contacts(boxes(), [joint(surfaces=("lower_bottom",), **plane, gap="geometry", preload=0.0, **keys)])
 
 
@@ -306,13 +306,13 @@ def test_a_plane_that_the_surface_does_not_face_or_is_far_from_is_refused(point,
     "first, second",
     [(SURFACES, SURFACES), (SURFACES, SURFACES[::-1]), (("lower_bottom",), ("lower_bottom",)), (SURFACES, SURFACES[:1])],
 )
-def test_faces_of_two_joints_are_refused(first, second):
+def test_faces_in_two_joints_are_refused(first, second):
     joints = [joint(name="one", surfaces=first, pairing="auto"), joint(name="other", surfaces=second, pairing="auto")]
     with pytest.raises(MeshError, match=r"faces belong to joint 'one' and to joint 'other', .* they would touch twice"):
         pair_contacts(boxes(), joints)
 
 
-def test_tangent_turns_the_frames():
+def test_the_tangent_rotates_the_frames():
     mesh = boxes()
     pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tangent=(1.0, 1.0, 5.0))])
     np.testing.assert_allclose(pairs.frame[:, 0], np.tile([0.5**0.5, 0.5**0.5, 0.0], (pairs.n_pairs, 1)), atol=1e-12)
@@ -320,8 +320,8 @@ def test_tangent_turns_the_frames():
         pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tangent=(0.0, 0.0, 2.0))])
 
 
-def test_results_do_not_depend_on_numbering():
-    """The same surfaces with nodes and faces in another order have the same points, frames and areas."""
+def test_contact_points_do_not_depend_on_numbering():
+    """Surfaces with nodes and faces in another order have the same points, frames and areas."""
     mesh = boxes("hex20", "tet10")
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points"))
     rng = np.random.default_rng(3)
@@ -331,13 +331,13 @@ def test_results_do_not_depend_on_numbering():
         for block in mesh.elements
         for order in [rng.permutation(len(block.nodes))]
     )
-    moved = replace(
+    renumbered = replace(
         mesh,
         points=mesh.points[np.argsort(new)],
         elements=blocks,
-        node_groups={name: np.sort(new[own]) for name, own in mesh.node_groups.items()},
+        node_groups={name: np.sort(new[nodes]) for name, nodes in mesh.node_groups.items()},
     )
-    other = contact_points(moved, joint(surfaces=SURFACES, pairing="points"))
+    other = contact_points(renumbered, joint(surfaces=SURFACES, pairing="points"))
 
     def described(contacts):
         table = np.column_stack([contacts.position, contacts.z, contact_frames(contacts.z).reshape(-1, 9), contacts.area])
@@ -347,18 +347,18 @@ def test_results_do_not_depend_on_numbering():
 
 
 @pytest.mark.parametrize("kinds", [("hex8", "hex8"), ("tet10", "hex20")])
-def test_nodes_projected_on_facets(kinds):
+def test_nodes_are_projected_on_facets(kinds):
     mesh = boxes(*kinds)
     points = contact_points(mesh, joint(surfaces=SURFACES, pairing="projected"))
     first = surface_of(mesh, "upper_bottom")
     assert points.n_points == len(first.nodes) and points.area.sum() == pytest.approx(1.0, rel=1e-12)
     np.testing.assert_allclose(points.side1 @ mesh.points, points.side2 @ mesh.points, atol=1e-12)
     with pytest.raises(MeshError, match=r"% of the area of 'lower_top' have no partner within .* name the smaller surface first"):
-        moved = boxes(*kinds, size=(0.5, 1.0, 1.0))
-        contact_points(moved, joint(surfaces=SURFACES[::-1], pairing="projected"))
+        narrow = boxes(*kinds, size=(0.5, 1.0, 1.0))
+        contact_points(narrow, joint(surfaces=SURFACES[::-1], pairing="projected"))
 
 
-def test_matching_nodes_projected_are_the_pairs_of_nodes():
+def test_projection_of_matching_nodes_gives_node_to_node_pairs():
     mesh = boxes("hex20", "hex20", n_upper=(2, 3, 1))
     nodes, projected = (pair_contacts(mesh, [joint(surfaces=SURFACES, pairing=pairing)]) for pairing in ("nodes", "projected"))
     assert (abs(nodes.weights2 - projected.weights2) > 1e-10).nnz == 0

@@ -1,4 +1,4 @@
-"""Contact pairs: frames from the true surface, areas that add up, parameters, and what is refused."""
+"""Contact pairs: frames of the curved surface, areas, parameters, and refused input."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ TOUCH = {
 
 
 def two_boxes(kind, upper_kind=None, n=(2, 3, 1)):
-    """Return a lower and an upper unit box that touch at z = 1 with nodes of their own."""
+    """Return a lower and an upper unit box that touch at z = 1, without common nodes."""
     lower, upper = box(kind, n), box(upper_kind or kind, n, origin=(0.0, 0.0, 1.0))
     return mesh_of(("lower", kind, *lower), ("upper", upper_kind or kind, *upper), groups=TOUCH)
 
@@ -35,7 +35,7 @@ def ring(kind, n=(6, 2, 1), sweep=np.pi / 2, groups=TOUCH):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_flat_pairs(kind):
+def test_flat_pairs_have_frames_areas_and_matching_nodes(kind):
     mesh = two_boxes(kind)
     pairs = pair_contacts(mesh, [joint(surfaces=("upper_bottom", "lower_top"))])
     np.testing.assert_allclose(mesh.points[pairs.node1], mesh.points[pairs.node2])
@@ -61,7 +61,7 @@ def test_parameters_are_per_unit_area():
 
 def test_faces_index_pairs_and_cover_the_surface():
     mesh = two_boxes("hex20")
-    pairs = pair_contacts(mesh, [joint("one"), joint("two", surfaces=("upper_bottom",))])  # the second on ground
+    pairs = pair_contacts(mesh, [joint("one"), joint("two", surfaces=("upper_bottom",))])  # the second joint is against ground
     assert pairs.joint == ("one",) * (pairs.n_pairs // 2) + ("two",) * (pairs.n_pairs // 2)
     assert [faces.shape for faces in pairs.faces] == [(6, 8), (6, 8)]
     assert set(pairs.faces[1].ravel()) == set(range(pairs.n_pairs // 2, pairs.n_pairs))
@@ -81,9 +81,9 @@ def assert_frames(frames):
 
 
 @pytest.mark.parametrize("kind, tolerance", CYLINDERS)
-def test_cylinder_normals_and_areas(kind, tolerance):
+def test_normals_and_areas_of_a_cylinder_are_accurate(kind, tolerance):
     mesh = ring(kind)
-    pairs = pair_contacts(mesh, [joint()])  # body 1 inside, body 2 outside: z points to the axis
+    pairs = pair_contacts(mesh, [joint()])  # body 1 is inside, body 2 outside: z points to the axis
     radial = pairs.position * (1.0, 0.0, 1.0) / 2.0
     angle = np.degrees(np.arccos(np.clip(-np.einsum("pi,pi->p", pairs.frame[:, 2], radial), -1, 1)))
     assert angle.max() < tolerance
@@ -94,7 +94,7 @@ def test_cylinder_normals_and_areas(kind, tolerance):
     assert pairs.area.sum() == pytest.approx(exact, rel=1e-4 if exact == np.pi else 1e-12)
 
 
-def test_frames_of_a_closed_surface_stay_frames():
+def test_frames_of_all_normals_are_orthonormal():
     rng = np.random.default_rng(1)
     z = rng.normal(size=(500, 3))
     z = np.concatenate([z / np.linalg.norm(z, axis=1, keepdims=True), np.eye(3), -np.eye(3)])
@@ -103,7 +103,7 @@ def test_frames_of_a_closed_surface_stay_frames():
     np.testing.assert_allclose(frames[:, 2], z)
 
 
-def test_named_faces_choose_the_surface_whatever_their_order():
+def test_named_faces_select_the_surface_in_any_order_of_nodes():
     mesh = two_boxes("hex8")
     top = mesh.node_groups["lower_top"]
     faces = next(block.nodes[:, [4, 5, 6, 7]] for block in mesh.elements if block.group == "lower")
@@ -112,13 +112,13 @@ def test_named_faces_choose_the_surface_whatever_their_order():
     groups = {**mesh.node_groups, "half": np.unique(half)}
     for order in ([0, 1, 2, 3], [3, 2, 1, 0], [1, 2, 3, 0]):
         named = replace(mesh, faces=(FaceBlock("quad4", "half", half[:, order]),), node_groups=groups)
-        lonely = "0 of 8 nodes of 'half' and 4 of 12 nodes of 'upper_bottom' have no partner"
-        with pytest.raises(MeshError, match=lonely):
+        message = "0 of 8 nodes of 'half' and 4 of 12 nodes of 'upper_bottom' have no partner"
+        with pytest.raises(MeshError, match=message):
             pair_contacts(named, [joint(surfaces=("half", "upper_bottom"))])
 
 
-def test_a_hole_in_named_faces_stays_a_hole():
-    """The nodes of the middle face are all in the group, but the face is not."""
+def test_a_hole_in_named_faces_has_no_contact():
+    """All nodes of the middle face are in the group, but the face is not."""
     mesh, named = two_boxes("hex8", n=(3, 3, 1)), []
     for body, group, local in (("lower", "lower_top", [4, 5, 6, 7]), ("upper", "upper_bottom", [0, 1, 2, 3])):
         faces = next(block.nodes[:, local] for block in mesh.elements if block.group == body)
@@ -135,13 +135,13 @@ def test_unmatched_nodes_are_counted_and_located():
     moved = mesh.node_groups["upper_bottom"][4]
     mesh.points[moved] += (2e-4, 0.0, 0.0)
     number = mesh.numbers[mesh.node_groups["lower_top"][4]]
-    lonely = "1 of 12 nodes of 'lower_top' and 1 of 12 nodes of 'upper_bottom' have no partner"
-    with pytest.raises(MeshError, match=rf"{lonely} within 2.45e-06 m; the worst is node {number} .*, 0.0002 m from"):
+    message = "1 of 12 nodes of 'lower_top' and 1 of 12 nodes of 'upper_bottom' have no partner"
+    with pytest.raises(MeshError, match=rf"{message} within 2.45e-06 m; the worst is node {number} .*, 0.0002 m from"):
         pair_contacts(mesh, [joint()])
     assert pair_contacts(mesh, [joint(tolerance=1e-3)]).n_pairs == 12
 
 
-def test_two_nodes_on_one_partner():
+def test_two_nodes_with_one_partner_are_refused():
     mesh = two_boxes("hex8")
     first, second = mesh.node_groups["upper_bottom"][:2]
     mesh.points[second] = mesh.points[first] + (0, 0.1, 0)
@@ -149,7 +149,7 @@ def test_two_nodes_on_one_partner():
         pair_contacts(mesh, [joint(tolerance=0.6)])
 
 
-def test_merged_bodies():
+def test_a_surface_inside_merged_bodies_is_refused():
     points, elements = box("hex8", (2, 2, 2))
     groups = {"lower_top": lambda x: x[:, 2] == 0.5, "upper_bottom": lambda x: x[:, 2] == 0.5}
     mesh = mesh_of(("all", "hex8", points, elements), groups=groups)
@@ -157,7 +157,7 @@ def test_merged_bodies():
         pair_contacts(mesh, [joint()])
 
 
-def test_shared_edge_of_two_surfaces():
+def test_surfaces_with_common_nodes_are_refused():
     points, elements = box("hex8", (2, 2, 2))
     groups = {"lower_top": lambda x: x[:, 2] == 1.0, "upper_bottom": lambda x: x[:, 0] == 1.0}
     mesh = mesh_of(("all", "hex8", points, elements), groups=groups)
@@ -165,7 +165,7 @@ def test_shared_edge_of_two_surfaces():
         pair_contacts(mesh, [joint()])
 
 
-def test_sharp_edge_in_a_surface():
+def test_a_sharp_edge_in_a_surface_is_refused():
     groups = {**TOUCH, "corner": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2) | (x[:, 0] == 1.0)}
     lower, upper = box("hex8"), box("hex8", origin=(0.0, 0.0, 1.0))
     mesh = mesh_of(("lower", "hex8", *lower), ("upper", "hex8", *upper), groups=groups)
@@ -173,14 +173,14 @@ def test_sharp_edge_in_a_surface():
         pair_contacts(mesh, [joint(surfaces=("corner", "upper_bottom"))])
 
 
-def test_sides_that_do_not_face_each_other():
+def test_sides_that_do_not_face_each_other_are_refused():
     lower = box("hex8")
-    mesh = mesh_of(("lower", "hex8", *lower), ("upper", "hex8", *lower), groups=TOUCH)  # one inside the other
+    mesh = mesh_of(("lower", "hex8", *lower), ("upper", "hex8", *lower), groups=TOUCH)  # the boxes coincide
     with pytest.raises(MeshError, match=r"do not face each other at 9 of 9 pairs: .* 180 degrees from opposite"):
         pair_contacts(mesh, [joint()])
 
 
-def test_group_without_a_face():
+def test_a_group_without_a_face_is_refused():
     mesh = two_boxes("hex8")
     mesh.node_groups["corner"] = mesh.node_groups["lower_top"][:1]
     with pytest.raises(MeshError, match="group 'corner' has no outer face of an element"):

@@ -1,4 +1,4 @@
-"""Points projected on surfaces: the right facet, weights that add up, edges, facets of very different size."""
+"""Projection of points on surfaces: nearest facet, weights, edges, facets of very different size."""
 
 from time import process_time
 
@@ -31,14 +31,14 @@ def test_linear_fields_are_interpolated_exactly(kind):
     assert np.abs(projection.weights.sum(axis=1) - 1.0).max() < 1e-15
     assert np.einsum("fa,fai->fi", projection.weights, points[projection.nodes]) == pytest.approx(projection.foot, abs=1e-14)
     assert projection.normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (500, 1)), abs=1e-12)
-    for one, of_kind, row in zip(projection.nodes, projection.kind, projection.face, strict=True):
-        assert set(one) == set(faces[of_kind][row])
+    for nodes, of_kind, row in zip(projection.nodes, projection.kind, projection.face, strict=True):
+        assert set(nodes) == set(faces[of_kind][row])
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_nodes_get_the_weight_one_and_exact_zeros(kind):
+def test_projected_nodes_have_weights_of_exactly_one_and_zero(kind):
     points, faces = plate(kind)
-    nodes = np.unique(np.concatenate([own.ravel() for own in faces.values()]))
+    nodes = np.unique(np.concatenate([rows.ravel() for rows in faces.values()]))
     rng = np.random.default_rng(1)
     for shift in (0.0, 1e-12):
         projection = project_on_surface(points, faces, points[nodes] + shift * rng.uniform(-1.0, 1.0, (len(nodes), 3)))
@@ -46,7 +46,7 @@ def test_nodes_get_the_weight_one_and_exact_zeros(kind):
         assert (projection.nodes[np.arange(len(nodes)), projection.weights.argmax(axis=1)] == nodes).all()
 
 
-def test_a_point_beyond_the_edge_stops_there():
+def test_a_point_beyond_the_edge_is_projected_on_the_edge():
     points, faces = plate("hex20")
     projection = project_on_surface(points, faces, np.array([[1.02, 0.4, 1.05], [-0.3, -0.4, 1.0], [0.5, 0.5, 0.9]]))
     assert projection.foot == pytest.approx(np.array([[1.0, 0.4, 1.0], [0.0, 0.0, 1.0], [0.5, 0.5, 1.0]]), abs=1e-12)
@@ -65,8 +65,8 @@ def rough(n, seed):
 
 
 @pytest.mark.slow
-def test_the_nearest_of_facets_of_very_different_size_is_found():
-    """Against the distance to every facet."""
+def test_the_nearest_of_facets_of_very_different_size_is_located():
+    """The distance is the least of the distances to all facets."""
     points, faces = rough(400, 3)
     queries = np.random.default_rng(4).uniform(-0.2, 1.2, (60, 3)) * [1.0, 1.0, 0.6]
     projection = project_on_surface(points, {"tri3": faces}, queries)
@@ -76,7 +76,7 @@ def test_the_nearest_of_facets_of_very_different_size_is_found():
         assert every[projection.face[i]] == pytest.approx(every.min(), abs=1e-13)
 
 
-def test_bulging_faces_are_found_from_far():
+def test_distant_bulging_faces_are_located():
     """The middle of a strongly bent quad8 is nearest although its corners are not."""
     nodes = np.column_stack([FACE_KINDS["quad8"].nodes, np.zeros(8)])
     bent = nodes.copy()
@@ -90,10 +90,10 @@ def test_bulging_faces_are_found_from_far():
     assert projection.nodes.shape == (1, 8)
 
 
-def test_mixed_kinds_share_one_answer():
+def test_surfaces_of_mixed_kinds_have_padded_weights():
     points, quads = plate("hex8", (2, 2, 1))
     more, triangles = plate("wedge15", (3, 3, 1))
-    faces = {"quad4": quads["quad4"], **{kind: own + len(points) for kind, own in triangles.items()}}
+    faces = {"quad4": quads["quad4"], **{kind: rows + len(points) for kind, rows in triangles.items()}}
     projection = project_on_surface(
         np.concatenate([points, more + [1.0, 0.0, 0.0]]), faces, np.array([[0.3, 0.3, 1.1], [1.4, 0.3, 1.1]])
     )

@@ -1,4 +1,4 @@
-"""Reading of mesh files: every format gives the same mesh, the user's numbers, and one message for what is wrong."""
+"""Mesh files: every format gives the same mesh with the numbers of the user, and each fault one message."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ MESHIO = {
 
 
 def meshio_box(kind):
-    """Return a box as meshio holds it, with the bottom corners as a group of points in a cell block of their own."""
+    """Return a box as a mesh of meshio, with a separate cell block for the points of the group ``bottom``."""
     points, elements = box(kind, (2, 1, 3), (2.0, 1.0, 3.0))
     bottom = np.flatnonzero(points[:, 2] == 0.0)[:, None]
     cells = [("vertex", bottom), (MESHIO[kind], elements)]
@@ -46,9 +46,9 @@ def test_gmsh_formats_give_vtk_order_and_groups(tmp_path, kind, file_format, bin
     meshio.write(path, written, file_format=file_format, binary=binary)
     mesh = read_mesh(settings_of(path, scale=1e-3))
     assert [(block.kind, block.group) for block in mesh.elements] == [(kind, "block")]
-    checked_read = mesh.numbers - 1  # version 4.1 writes the nodes entity by entity
-    np.testing.assert_allclose(mesh.points, 1e-3 * written.points[checked_read], atol=1e-15)
-    np.testing.assert_array_equal(checked_read[mesh.elements[0].nodes], written.cells[1].data)
+    order = mesh.numbers - 1  # version 4.1 writes nodes by entity
+    np.testing.assert_allclose(mesh.points, 1e-3 * written.points[order], atol=1e-15)
+    np.testing.assert_array_equal(order[mesh.elements[0].nodes], written.cells[1].data)
     np.testing.assert_array_equal(mesh.node_groups["bottom"], np.flatnonzero(mesh.points[:, 2] == 0.0))
 
 
@@ -65,7 +65,7 @@ def test_other_formats_give_the_same_mesh(tmp_path, ending):
     np.testing.assert_array_equal(mesh.elements[0].nodes, elements)
 
 
-def test_nastran_numbers_and_properties(tmp_path):
+def test_nastran_numbers_and_properties_are_read(tmp_path):
     path = tmp_path / "box.bdf"
     corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     lines = [f"GRID,{10 * i},0,{x}.,{y}.,{z}." for i, (x, y, z) in enumerate(corners, 1)]
@@ -108,7 +108,7 @@ ABAQUS = """*HEADING
 """
 
 
-def test_abaqus_sets_surfaces_and_numbers(tmp_path):
+def test_abaqus_sets_surfaces_and_numbers_are_read(tmp_path):
     path = tmp_path / "box.inp"
     path.write_text(ABAQUS)
     mesh = read_mesh(settings({"all": "both"}, [("low", ["x"])], file=path))
@@ -188,7 +188,7 @@ def read_text(tmp_path, text, name="box.msh", bodies=None, **more):
     return read_mesh(settings(bodies or {"block": "block"}, file=tmp_path / name, **more))
 
 
-def test_user_numbers_left_out_elements_and_unused_nodes(tmp_path):
+def test_numbers_are_those_of_the_file_and_unused_elements_and_nodes_are_noted(tmp_path):
     mesh = read_text(tmp_path, MSH)
     assert mesh.numbers.tolist() == [11, 22, 33, 44]
     assert mesh.elements[0].numbers.tolist() == [8]
@@ -197,15 +197,15 @@ def test_user_numbers_left_out_elements_and_unused_nodes(tmp_path):
     assert "'spare part' belong to no body" in mesh.notes[0] and "2 nodes" in mesh.notes[1]
 
 
-def test_comments_may_stand_before_the_format(tmp_path):
+def test_comments_may_precede_the_format(tmp_path):
     (tmp_path / "m.msh").write_text("$Comments\na block\n$EndComments\n" + MSH)
     (tmp_path / "n.msh").write_text(MSH)
-    one, other = (read_model(tmp_path / name) for name in ("m.msh", "n.msh"))
-    np.testing.assert_array_equal(one.points, other.points)
-    assert list(one.groups) == list(other.groups)
+    commented, plain = (read_model(tmp_path / name) for name in ("m.msh", "n.msh"))
+    np.testing.assert_array_equal(commented.points, plain.points)
+    assert list(commented.groups) == list(plain.groups)
 
 
-def test_element_in_two_groups_counts_once(tmp_path):
+def test_an_element_in_two_groups_is_read_once(tmp_path):
     twice = """$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n3 1 "block"\n3 2 "all"\n$EndPhysicalNames
 $Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes
 $Elements\n3\n1 15 2 9 9 1\n2 4 2 1 1 1 2 3 4\n3 4 2 2 1 1 2 3 4\n$EndElements\n"""
@@ -234,7 +234,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("text, message", BAD.values(), ids=BAD.keys())
-def test_bad_gmsh_file(tmp_path, text, message):
+def test_a_bad_gmsh_file_gives_one_message(tmp_path, text, message):
     with pytest.raises(MeshError, match=message) as caught:
         read_text(tmp_path, text)
     assert str(caught.value).startswith(str(tmp_path / "box.msh"))
@@ -242,31 +242,31 @@ def test_bad_gmsh_file(tmp_path, text, message):
 
 @pytest.mark.parametrize("is_binary", [False, True])
 @pytest.mark.parametrize("file_format", ["gmsh22", "gmsh"])
-def test_every_truncation_is_one_message(tmp_path, file_format, is_binary):
+def test_every_truncation_is_refused(tmp_path, file_format, is_binary):
     path = tmp_path / "box.msh"
     meshio.write(path, meshio_box("hex8"), file_format=file_format, binary=is_binary)
-    whole = path.read_bytes()
-    for n_bytes in range(0, len(whole) - 20, 97):
+    content = path.read_bytes()
+    for n_bytes in range(0, len(content) - 20, 97):
         with pytest.raises(MeshError):
-            read_text(tmp_path, whole[:n_bytes])
+            read_text(tmp_path, content[:n_bytes])
 
 
 @pytest.mark.parametrize("name", ["box.vtu", "box.vtk", "box.bdf", "box.inp"])
 @pytest.mark.parametrize("text", ["", "nonsense\n", "*NODE\n1, 0, zero, 0\n*ELEMENT, TYPE=C3D4\n1, 1, 2\n"])
-def test_bad_files_of_other_formats(tmp_path, name, text, capsys):
+def test_bad_files_of_other_formats_are_refused_without_output(tmp_path, name, text, capsys):
     with pytest.raises(MeshError, match=name):
         read_text(tmp_path, text, name)
     assert capsys.readouterr() == ("", "")
 
 
-def test_unknown_ending_and_missing_file(tmp_path):
+def test_unknown_endings_and_missing_files_are_refused(tmp_path):
     with pytest.raises(CaseError, match=r"the ending '.stl' is not known; known are .msh, .inp, .cdb"):
         read_text(tmp_path, "", "box.stl")
     with pytest.raises(CaseError, match="there is no file"):
         read_mesh(settings({"block": "block"}, file=tmp_path / "none.msh"))
 
 
-def test_unknown_group_offers_the_nearest_and_lists_the_rest(tmp_path):
+def test_unknown_groups_are_refused_with_the_nearest_name(tmp_path):
     with pytest.raises(MeshError, match=r"\[bodies.blade\] group = 'Blok': .* nearest is 'block'; it has: base, block"):
         read_text(tmp_path, MSH, bodies={"blade": "Blok"})
     with pytest.raises(MeshError, match=r"\[\[supports\]\] 1 group = 'bass'.*nearest is 'base'"):
@@ -275,7 +275,7 @@ def test_unknown_group_offers_the_nearest_and_lists_the_rest(tmp_path):
         read_text(tmp_path, MSH, joints=[joint("dovetail", ("base", "root"))])
 
 
-def test_groups_of_the_wrong_sort(tmp_path):
+def test_groups_of_the_wrong_type_are_refused(tmp_path):
     with pytest.raises(MeshError, match=r"\[bodies.block\] group = 'base' holds no volume elements \(1 tri3\)"):
         read_text(tmp_path, MSH, bodies={"block": "base"})
     with pytest.raises(MeshError, match=r"'base': no node of this group belongs to an element of a body"):
@@ -285,7 +285,7 @@ def test_groups_of_the_wrong_sort(tmp_path):
         read_text(tmp_path, MSH.replace("1 1 1 1 3 0", "1 1 1 0 0"))
 
 
-def test_unsupported_kind_is_named_with_advice(tmp_path):
+def test_an_unsupported_kind_is_refused_with_the_supported_ones(tmp_path):
     path = tmp_path / "hexahedron.vtk"
     points = np.random.default_rng(0).random((27, 3))
     meshio.write(path, meshio.Mesh(points, [("hexahedron27", np.arange(27)[None])], cell_data={"part": [np.array([1])]}))
@@ -293,7 +293,7 @@ def test_unsupported_kind_is_named_with_advice(tmp_path):
         read_mesh(settings({"block": "part=1"}, file=path))
 
 
-def test_quadratic_kinds_have_mid_sides_between_their_ends():
+def test_boxes_of_quadratic_kinds_have_midside_nodes_at_the_middle():
     for kind, edges in EDGES.items():
         points, elements = box(kind)
         mid = elements[:, -len(edges) :]
@@ -301,8 +301,8 @@ def test_quadratic_kinds_have_mid_sides_between_their_ends():
 
 
 @pytest.mark.parametrize("how", [("gmsh22", False), ("gmsh22", True), ("gmsh", False), ("gmsh", True), ("vtu", True)], ids=str)
-def test_numbers_at_the_nodes_come_along(tmp_path, how):
-    """Of views with one number a node; vectors are left."""
+def test_scalar_fields_of_nodes_are_read(tmp_path, how):
+    """Fields with one number per node are read; vectors are ignored."""
     file_format, binary = how
     written = meshio_box("hex8")
     heat = np.sin(np.arange(len(written.points))) * 1e7
@@ -322,14 +322,14 @@ def test_numbers_at_the_nodes_come_along(tmp_path, how):
 
 
 @pytest.mark.parametrize(
-    "old, new, says",
+    "old, new, message",
     [
         ("$NodeData\n", "$NodeData\nx\n", "damaged"),
         ("\n1\n24\n", "\n1\n25\n", r"\$NodeData 'heat' ends early: it announces 25 nodes and holds 24"),
         ("\n24 ", "\n99 ", r"\$NodeData 'heat' names node 99, which the file does not hold"),
     ],
 )
-def test_damaged_numbers_at_the_nodes(tmp_path, old, new, says):
+def test_damaged_fields_are_refused(tmp_path, old, new, message):
     written = meshio_box("hex8")
     written.point_data["heat"] = np.arange(float(len(written.points)))
     path = tmp_path / "box.msh"
@@ -338,5 +338,5 @@ def test_damaged_numbers_at_the_nodes(tmp_path, old, new, says):
     at = text.index("$NodeData")
     assert old in text[at:]
     path.write_text(text[:at] + text[at:].replace(old, new))
-    with pytest.raises(MeshError, match=says):
+    with pytest.raises(MeshError, match=message):
         read_mesh(settings_of(path))

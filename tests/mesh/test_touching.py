@@ -1,4 +1,4 @@
-"""Faces that lie on each other are found, by bodies and by parts, on meshes of every kind; those that do not are not."""
+"""Search for touching faces of bodies and of parts, on meshes of every kind."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ LOWER, UPPER = (1.0, 1.0, 0.5), (0.6, 1.0, 0.5)
 
 
 def two_boxes(kind="hex8", other=None, at=(0.7, 0.0, 0.5), n=(5, 5, 1), size=UPPER):
-    """A box on another, of which it covers 0.3 x 1."""
+    """Return a box on another one, of which it covers 0.3 x 1."""
     lower = ("lower", kind, *box(kind, (10, 5, 1), LOWER))
     return mesh_of(lower, ("upper", other or kind, *box(other or kind, n, size, at)))
 
@@ -44,24 +44,24 @@ def test_the_skin_is_the_surface_of_the_bodies(kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind, other", [(kind, kind) for kind in KINDS] + [("hex20", "tet4"), ("tet10", "hex8")])
-def test_faces_that_touch_and_no_others(kind, other):
+def test_only_touching_faces_are_selected(kind, other):
     mesh = with_surfaces(two_boxes(kind, other), UP, LOW)
-    for name, low, high in (("up", 0.7, 1.06), ("low", 0.7, 1.0)):  # the last cell of the upper box covers 1.0 in part
+    for name, low, high in (("up", 0.7, 1.06), ("low", 0.7, 1.0)):  # the edge at 1.0 is within a cell of the upper box
         points = mesh.points[mesh.node_groups[name]]
         assert points.min(axis=0) == pytest.approx([low, 0.0, 0.5]) and points.max(axis=0) == pytest.approx([high, 1.0, 0.5])
     assert sum(surface_of(mesh, "low").areas) == pytest.approx(0.3, rel=1e-12)
     pairs = pair_contacts(mesh, [joint(surfaces=("up", "low"), pairing="points")])
-    assert pairs.area.sum() == pytest.approx(0.3, rel=1e-9)  # of a face that lies on the other in part, that part
+    assert pairs.area.sum() == pytest.approx(0.3, rel=1e-9)  # only the common part of partly covered faces
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("at, normal", [(0.5, (0.0, 0.0, 2.0)), (0.61, (0.1, 0.0, 1.0))])
-def test_faces_through_a_body_follow_a_plane_and_cut_it(kind, at, normal):
-    """Whatever the elements, what lies between the two sides has the vector area of the cross-section: 0.3 x 0.2."""
+def test_faces_through_a_body_follow_a_plane_and_separate_it(kind, at, normal):
+    """With any elements the cut has the vector area of the cross-section, 0.3 x 0.2."""
     bars = [(f"bar {i}", kind, *box(kind, (3, 2, 7), (0.3, 0.2, 1.4), (i, 0.0, 0.0))) for i in (0, 1)]
     mesh = mesh_of(*bars)
     for block in mesh.elements:
-        object.__setattr__(block, "group", "bars")  # one body of two shanks: the plane's point tells which
+        object.__setattr__(block, "group", "bars")  # one body of two shanks: the point of the plane selects one
     mesh = with_surfaces(
         mesh, Surface(name="cut", bodies=("bars", "bars"), through=(1.1, 0.1, at), normal=normal), bodies=("bars",)
     )
@@ -97,7 +97,7 @@ def test_planes_that_cut_nothing_are_refused(keys, message):
         with_surfaces(two_boxes(), Surface(**{"name": "cut", "bodies": ("lower", "lower"), **keys}))
 
 
-def test_a_small_face_on_a_large_one_and_one_beside_it():
+def test_a_small_face_on_a_large_one_selects_it_and_distant_faces_are_refused():
     mesh = two_boxes(at=(0.33, 0.41, 0.5), n=(2, 2, 1), size=(0.02, 0.02, 0.1))
     low = with_surfaces(mesh, LOW).node_groups["low"]
     assert len(low) == 4 and (np.ptp(mesh.points[low], axis=0) == pytest.approx([0.1, 0.2, 0.0]))
@@ -105,7 +105,7 @@ def test_a_small_face_on_a_large_one_and_one_beside_it():
         with_surfaces(two_boxes(at=(1.5, 0.0, 0.5)), UP)
 
 
-def test_how_far_apart_they_may_lie():
+def test_the_tolerance_limits_the_gap_of_touching_faces():
     mesh = two_boxes(at=(0.7, 0.0, 0.503))
     touching = find_touching(skin_of_mesh(mesh))
     assert touching.gap == pytest.approx(0.003, rel=1e-9)
@@ -117,7 +117,7 @@ def test_how_far_apart_they_may_lie():
     assert len(with_surfaces(far, UP.with_keys(tolerance=0.04)).node_groups["up"])
 
 
-def test_a_peg_in_a_hole_whose_meshes_differ():
+def test_a_peg_touches_a_hole_with_another_mesh():
     def ring(n, inner, outer):
         points, nodes = box("hex8", (1, n, 3), (outer - inner, 2.0 * np.pi * (1 - 1e-9), 1.0), (inner, 0.0, 0.0))
         r, angle, z = points.T
@@ -128,23 +128,23 @@ def test_a_peg_in_a_hole_whose_meshes_differ():
         Surface(name="out", bodies=("peg", "hole")),
         bodies=("peg", "hole"),
     )
-    own = faces_of_group(mesh, skin_of_mesh(mesh), "out")
-    assert len(own) == 72 and np.linalg.norm(mesh.points[mesh.node_groups["out"]][:, :2], axis=1) == pytest.approx(1.0)
+    faces = faces_of_group(mesh, skin_of_mesh(mesh), "out")
+    assert len(faces) == 72 and np.linalg.norm(mesh.points[mesh.node_groups["out"]][:, :2], axis=1) == pytest.approx(1.0)
 
 
-def test_parts_of_one_body_and_the_side_that_is_meant():
-    whole = two_boxes()
-    one = replace(whole, elements=tuple(replace(block, group="both") for block in whole.elements), node_groups={})
+def test_touching_parts_of_one_body_are_selected_by_their_normals():
+    two_bodies = two_boxes()
+    one_body = replace(two_bodies, elements=tuple(replace(block, group="both") for block in two_bodies.elements), node_groups={})
     up = Surface(name="up", bodies=("both", "both"), normal=(0.1, 0.0, -1.0))
-    mesh = with_surfaces(one, up, up.with_keys(name="low", normal=(0.0, 0.0, 2.0)), bodies=("both",))
-    expected = with_surfaces(whole, UP, LOW)
+    mesh = with_surfaces(one_body, up, up.with_keys(name="low", normal=(0.0, 0.0, 2.0)), bodies=("both",))
+    expected = with_surfaces(two_bodies, UP, LOW)
     for name in ("up", "low"):
         assert np.array_equal(mesh.node_groups[name], expected.node_groups[name])
     with pytest.raises(MeshError, match=r"no face of 'both' with normals within 45 degrees of \(1, 0, 0\) lies on 'both'"):
-        with_surfaces(one, up.with_keys(normal=(1.0, 0.0, 0.0)), bodies=("both",))
+        with_surfaces(one_body, up.with_keys(normal=(1.0, 0.0, 0.0)), bodies=("both",))
 
 
-def test_merged_bodies_and_names_that_are_taken():
+def test_merged_bodies_and_repeated_names_are_refused():
     points, nodes = box("hex8", (2, 1, 1))
     blocks = mesh_of(("a", "hex8", points, nodes[:1]))
     merged = replace(blocks, elements=(blocks.elements[0], replace(blocks.elements[0], group="b", nodes=nodes[1:])))

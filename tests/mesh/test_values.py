@@ -1,4 +1,4 @@
-"""Values for each contact point from a CSV file: by node, by place, and what is refused."""
+"""Values for each contact point from a CSV file, by node or by position, and refused input."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def paired(tmp_path, text, **changes):
     return pair_contacts(two_boxes(), [joint(parameters=path, **changes)])
 
 
-def test_nodes_that_the_file_names_have_its_values(tmp_path):
+def test_values_of_the_file_apply_to_its_nodes_only(tmp_path):
     mesh = two_boxes()
     first, second = mesh.numbers[mesh.node_groups["lower_top"][[2, 7]]]
     pairs = paired(tmp_path, f"node,friction,preload\n{second},0.7,1e6\n# the corner\n{first},0.1,2e6\n")
@@ -38,7 +38,7 @@ def test_nodes_that_the_file_names_have_its_values(tmp_path):
     assert (pairs.mu[others] == 0.3).all() and pairs.N0[others] == pytest.approx(5e7 * pairs.area[others])
 
 
-def test_places_have_the_values_of_the_nearest_row(tmp_path):
+def test_points_have_the_values_of_the_nearest_row(tmp_path):
     text = "x,y,z,tangential_stiffness,normal_stiffness,gap\n0,0.3,1,1e12,2e12,0\n1,0.3,1,3e12,4e12,1e-5\n"
     pairs = paired(tmp_path, text, preload=0.0)
     left = pairs.position[:, 0] < 0.4
@@ -49,7 +49,7 @@ def test_places_have_the_values_of_the_nearest_row(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text, says",
+    "text, message",
     [
         ("node\n1009\n", "the header names no value: friction, tangential_stiffness"),
         ("friction\n0.1\n", "the header must name node, or x, y and z in m; x, y, z is missing"),
@@ -59,12 +59,12 @@ def test_places_have_the_values_of_the_nearest_row(tmp_path):
         ("x,y,z,gap\n0,0,1,1e-6\n", r"has a gap of 1e-06 m and a preload of 5e\+07 Pa \(12 in all\)"),
     ],
 )
-def test_what_is_refused(tmp_path, text, says):
-    with pytest.raises(CaseError, match=says):
+def test_bad_values_are_refused_with_a_message(tmp_path, text, message):
+    with pytest.raises(CaseError, match=message):
         paired(tmp_path, text)
 
 
-def test_rows_that_belong_nowhere(tmp_path):
+def test_rows_of_nodes_or_positions_off_the_joint_are_refused(tmp_path):
     with pytest.raises(
         MeshError, match=r"line 3: node 5 is not a node of 'lower_top', the first surface of joint 'joint' \(1 such"
     ):
@@ -88,10 +88,10 @@ def test_a_field_of_the_mesh_is_interpolated():
 
 
 @pytest.mark.parametrize("pairing", ["nodes", "points", "mortar"])
-def test_nodes_of_a_file_are_interpolated_as_a_field_is(tmp_path, pairing):
+def test_values_at_nodes_of_a_file_are_interpolated_like_a_field(tmp_path, pairing):
     mesh = with_field()
-    own = mesh.node_groups["lower_top"]
-    rows = "".join(f"{number},{value!r}\n" for number, value in zip(mesh.numbers[own], mesh.fields["mu"][own].tolist()))
+    nodes = mesh.node_groups["lower_top"]
+    rows = "".join(f"{number},{value!r}\n" for number, value in zip(mesh.numbers[nodes], mesh.fields["mu"][nodes].tolist()))
     path = tmp_path / "values.csv"
     path.write_text("node,friction\n" + rows)
     of_field, of_file = (
@@ -101,22 +101,22 @@ def test_nodes_of_a_file_are_interpolated_as_a_field_is(tmp_path, pairing):
     assert of_file.mu == pytest.approx(0.1 + 0.2 * of_file.position[:, 0])
 
 
-def test_between_nodes_with_a_gap_and_nodes_with_a_preload_the_larger_force_counts(tmp_path):
-    """Half of the nodes press with 1e6 Pa, half are open by 1e-6 m; at k = 1e12 N/m3 they are the same, turned round."""
+def test_gaps_and_preloads_of_nodes_are_interpolated_as_normal_forces(tmp_path):
+    """Half of the nodes have 1e6 Pa, half a gap of 1e-6 m, which is -1e6 Pa at k = 1e12 N/m3."""
     mesh = two_boxes()
-    path, own = tmp_path / "values.csv", mesh.node_groups["lower_top"]
-    is_open = mesh.points[own, 0] > 0.9
-    rows = [f"{n},{0.0 if one else 1e6},{1e-6 if one else 0.0},1e12\n" for n, one in zip(mesh.numbers[own], is_open)]
+    path, nodes = tmp_path / "values.csv", mesh.node_groups["lower_top"]
+    is_open = mesh.points[nodes, 0] > 0.9
+    rows = [f"{n},{0.0 if gap else 1e6},{1e-6 if gap else 0.0},1e12\n" for n, gap in zip(mesh.numbers[nodes], is_open)]
     path.write_text("node,preload,gap,normal_stiffness\n" + "".join(rows))
     pairs = pair_contacts(mesh, [joint(parameters=path, pairing="points", preload=0.0)])
-    share = np.clip((pairs.position[:, 0] - 0.5) / 0.5, 0.0, 1.0)  # of the open nodes
+    share = np.clip((pairs.position[:, 0] - 0.5) / 0.5, 0.0, 1.0)  # weight of the open nodes
     assert pairs.N0 / pairs.area == pytest.approx(1e6 * (1.0 - 2.0 * share), abs=1.0)
     assert pairs.N0.min() < 0.0 < pairs.N0.max()
 
 
 @pytest.mark.parametrize("pairing", ["points", "mortar"])
-def test_a_field_that_jumps_stays_within_its_values(pairing):
-    """Shape functions of quadratic faces are below 0 in places, friction is not."""
+def test_a_discontinuous_field_is_interpolated_within_its_range(pairing):
+    """Shape functions of quadratic faces have negative values, but friction must not."""
     lower, upper = box("hex20", (2, 3, 1)), box("hex20", (2, 3, 1), origin=(0.0, 0.0, 1.0))
     mesh = mesh_of(("lower", "hex20", *lower), ("upper", "hex20", *upper), groups=TOUCH)
     mesh = replace(mesh, fields={"mu": np.where(mesh.points[:, 0] > 0.9, 0.4, 0.0)})
@@ -125,7 +125,7 @@ def test_a_field_that_jumps_stays_within_its_values(pairing):
 
 
 @pytest.mark.parametrize(
-    "mesh, says",
+    "mesh, message",
     [
         (with_field("mu_1"), "friction = 'mu': there is no such field in the mesh; .*it has: mu_1"),
         (two_boxes(), "it has no field of one number a node at all"),
@@ -134,6 +134,6 @@ def test_a_field_that_jumps_stays_within_its_values(pairing):
     ],
     ids=["misspelled", "none", "without values", "negative"],
 )
-def test_fields_that_do_not_fit(mesh, says):
-    with pytest.raises(MeshError, match=says):
+def test_fields_that_do_not_fit_are_refused(mesh, message):
+    with pytest.raises(MeshError, match=message):
         pair_contacts(mesh, [joint(fields={"friction": "mu"})])
