@@ -1,4 +1,4 @@
-"""The generated meshes: geometry against formulas, quality by an own evaluation, files as other readers see them."""
+"""Generated meshes: geometry against formulas, quality by an independent evaluation, files by other readers."""
 
 import os
 import subprocess
@@ -63,7 +63,7 @@ def hex20_shapes(xi):
 
 
 def hex20_determinants(body, xi):
-    """Return det J of every element at points xi, by complex steps of the shape functions."""
+    """Return det J of every element at points xi, with complex-step derivatives of the shape functions."""
     step = 1e-30
     slopes = np.stack([hex20_shapes(xi + 1j * step * np.eye(3)[axis]).imag / step for axis in range(3)], axis=1)
     return np.linalg.det(np.einsum("pan,enx->epax", slopes, body.points[body.elements], optimize=True))
@@ -91,12 +91,12 @@ def test_fan_jacobians_are_positive_at_corners_and_quadrature_points(fan):
         for places in (corners, cube_rule(2)[0], cube_rule(3)[0]):
             determinants = hex20_determinants(body, places)
             assert determinants.min() > 0.0
-        # no corner is nearly flat: worst over mean in an element
+        # no corner is nearly flat: least over mean det J of an element
         assert (determinants.min(axis=1) / determinants.mean(axis=1)).min() > 0.25
         assert blocks.aspect_ratios(body).max() < 25.0
 
 
-def test_fan_jacobian_of_the_helper_is_that_of_the_shape_functions(small):
+def test_fan_jacobians_of_the_generator_equal_an_independent_evaluation(small):
     places, weights = cube_rule(3)
     corners = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(-1, 3)
     corners = corners[np.count_nonzero(corners == 0.0, axis=1) < 2]
@@ -106,7 +106,7 @@ def test_fan_jacobian_of_the_helper_is_that_of_the_shape_functions(small):
     assert np.allclose(blocks.volumes(body), hex20_determinants(body, places) @ weights, rtol=1e-12)
 
 
-def test_fan_counts(fan):
+def test_fan_has_the_stated_numbers_of_nodes_and_pairs(fan):
     size, bodies = fan
     n_blade, n_disc = (len(bodies[name].points) for name in ("blade", "disc"))
     n_pairs = len(bodies["blade"].face_nodes("blade_root"))
@@ -116,7 +116,7 @@ def test_fan_counts(fan):
         assert abs(n_blade - 27700) < 300 and abs(n_disc - 13800) < 300 and 200 <= n_pairs <= 230
 
 
-def test_fan_nodes_match_on_the_flanks_and_nowhere_else(fan):
+def test_fan_nodes_coincide_only_on_the_flanks(fan):
     _, bodies = fan
     blade, disc = bodies["blade"], bodies["disc"]
     root, slot = blade.face_nodes("blade_root"), disc.face_nodes("disc_slot")
@@ -131,8 +131,8 @@ def test_fan_nodes_match_on_the_flanks_and_nowhere_else(fan):
         assert np.array_equal(np.unique(body.elements), np.arange(len(body.points)))
 
 
-def test_fan_blade_stays_out_of_the_disc(small):
-    """Away from the flanks the blade's root lies on the slot's side of the disc's skin."""
+def test_fan_blade_does_not_penetrate_the_disc(small):
+    """Beyond the flanks the root of the blade is on the outer side of the skin of the disc."""
     blade, disc = small["blade"], small["disc"]
     root = blade.face_nodes("blade_root")
     nodes = np.setdiff1d(np.flatnonzero(blade.points[:, 2] < -0.010 - 1e-9), root)
@@ -140,13 +140,13 @@ def test_fan_blade_stays_out_of_the_disc(small):
     centres = disc.points[faces[:, 4:]].mean(axis=1)
     corners = disc.points[faces]
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    ends = np.abs(normals[:, 1]) > 0.9 * np.linalg.norm(normals, axis=1)  # front and rear do not face the blade
+    ends = np.abs(normals[:, 1]) > 0.9 * np.linalg.norm(normals, axis=1)  # front and rear faces do not face the blade
     nearest = cKDTree(centres[~ends]).query(blade.points[nodes])[1]
     height = np.einsum("ij,ij->i", blade.points[nodes] - centres[~ends][nearest], normals[~ends][nearest])
     assert (height > 0.0).all()
 
 
-def test_fan_volumes(fan):
+def test_fan_volumes_are_those_of_formulas(fan):
     _, bodies = fan
     s = Shape()
     places, weights = cube_rule(3)
@@ -174,8 +174,8 @@ def test_fan_volumes(fan):
     assert volume["disc"] == pytest.approx(s.root_length * (sector - slot), rel=5e-3)
 
 
-def test_fan_sectors_fit_each_other(small):
-    """The low cyclic face, turned by one sector about the engine's axis, is the high one."""
+def test_fan_cyclic_faces_match(small):
+    """The low cyclic face, rotated by one sector about the axis of the engine, is the high one."""
     s, disc = Shape(), small["disc"]
     low, high = (disc.points[disc.face_nodes(f"disc_cyclic_{side}")] for side in ("low", "high"))
     axis = np.array([0.0, 0.0, -s.flare - s.rim_radius])
@@ -187,7 +187,7 @@ def test_fan_sectors_fit_each_other(small):
         assert np.allclose(distance, radius, rtol=1e-12)
 
 
-def test_fan_as_the_program_sees_it(small, tmp_path):
+def test_fan_file_gives_pairs_with_the_area_of_the_flanks(small, tmp_path):
     path = str(tmp_path / "fan.msh")
     write_msh(path, small)
     case = settings({"blade": "blade", "disc": "disc"}, joints=[joint(surfaces=("blade_root", "disc_slot"))], file=path)
@@ -199,9 +199,9 @@ def test_fan_as_the_program_sees_it(small, tmp_path):
     assert pairs.area.min() > 0.0
     assert pairs.area.sum() == pytest.approx(2 * s.flank_width * s.root_length, rel=0.02)
     normals = pairs.frame[:, 2]
-    assert normals[:, 2].max() < -0.5  # from the disc into the blade, which it holds down
+    assert normals[:, 2].max() < -0.5  # from the disc into the blade, which the disc retains
     closest = cKDTree(normals).query(normals, k=2)[0][:, 1]
-    assert closest.min() > 1e-3  # every pair has a frame of its own
+    assert closest.min() > 1e-3  # all frames differ
     assert np.degrees(np.arccos(-normals[:, 2])).mean() == pytest.approx(90 - s.flank_angle, abs=3.0)
 
 
@@ -216,7 +216,7 @@ def test_fan_parameters_that_cannot_be_meshed_are_refused():
 
 
 @pytest.mark.parametrize("kind", ["tet10", "tet4"])
-def test_lap_joint(kind):
+def test_lap_joint_has_matching_triangles_and_exact_volumes(kind):
     joint = LapJoint(kind=kind)
     bodies = lap_joint(joint)
     first, second = (body.points[body.face_nodes(f"lap_{i}")] for i, body in enumerate(bodies.values(), 1))
@@ -241,12 +241,12 @@ def test_lap_joint(kind):
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20"])
-def test_bolted_lap_volumes(kind):
+def test_bolted_lap_volumes_are_those_of_formulas(kind):
     s = BoltedLap(kind=kind)
     bodies = bolted_lap(s)
 
     def disc(diameter, around):
-        """Return the area that straight elements, or curved ones nearly, have of a disc."""
+        """Return the area of a disc of straight elements, or nearly that of one of curved elements."""
         sides = 4 * around
         return diameter**2 / 4.0 * (sides / 2.0 * np.sin(2.0 * np.pi / sides) if kind == "hex8" else np.pi)
 
@@ -263,7 +263,7 @@ def test_bolted_lap_volumes(kind):
         assert len(cKDTree(body.points).query_pairs(1e-6)) == 0
 
 
-def test_bolted_lap_surfaces():
+def test_bolted_lap_surfaces_are_in_place():
     s = BoltedLap()
     bodies = bolted_lap(s)
     bolts, holes = bodies["bolts"], s.length - (np.arange(s.bolts)[::-1] + 0.5) * s.pitch
@@ -278,18 +278,18 @@ def test_bolted_lap_surfaces():
     skin = {tuple(sorted(face)) for face in blocks.skin(bolts)[0]}
     for i, x in enumerate(holes, 1):
         (cut,) = bolts.faces[f"cut_{i}"]
-        assert not skin & {tuple(sorted(face)) for face in cut}  # between elements that share their nodes
+        assert not skin & {tuple(sorted(face)) for face in cut}  # inside the bolt
         points = bolts.points[np.unique(cut)]
         assert np.allclose(points[:, 2], 0.0) and np.allclose(points[:, :2].mean(axis=0), [x, 0.5 * s.width])
         assert np.hypot(*(points[:, :2] - [x, 0.5 * s.width]).T).max() == pytest.approx(0.5 * s.shank)
     inside = bolts.points[(from_axis(bolts.points) < 0.5 * s.hole - 1e-9) & (np.abs(bolts.points[:, 2]) < s.thickness - 1e-9)]
-    assert from_axis(inside).max() == pytest.approx(0.5 * s.shank)  # clear of the holes
+    assert from_axis(inside).max() == pytest.approx(0.5 * s.shank)  # without contact with the holes
     for plate, name, x in (("plate_1", "clamp", 0.0), ("plate_2", "tip", 2.0 * s.length - s.bolts * s.pitch)):
         assert np.allclose(bodies[plate].points[bodies[plate].face_nodes(name), 0], x)
 
 
 @pytest.mark.parametrize("matching", [0, 1, 2])
-def test_bolted_lap_nodes_coincide_where_asked(matching):
+def test_bolted_lap_nodes_coincide_on_request(matching):
     bodies = bolted_lap(BoltedLap(matching=matching))
     first, second = (bodies[f"plate_{i}"].points[bodies[f"plate_{i}"].face_nodes(f"lap_{i}")] for i in (1, 2))
     distance = cKDTree(second).query(first)[0]
@@ -307,7 +307,7 @@ def test_bolted_lap_parameters_that_cannot_be_meshed_are_refused():
 
 
 @pytest.mark.parametrize("kind", ["hex20", "hex8"])
-def test_block_on_ground(kind):
+def test_block_on_ground_has_its_dimensions(kind):
     given = BlockOnGround(kind=kind)
     body = block_on_ground(given)["block"]
     volume = given.width * (given.length * given.height + given.mast * given.mast_height)
@@ -324,7 +324,7 @@ def test_block_on_ground(kind):
 # Two blades and a damper
 
 
-def test_damper_is_a_wedge_under_the_roof_of_its_platforms():
+def test_damper_fits_under_the_platforms():
     given = Damper()
     bodies = damper(given)
     for body in bodies.values():
@@ -339,9 +339,9 @@ def test_damper_is_a_wedge_under_the_roof_of_its_platforms():
     for side, sign in (("left", -1.0), ("right", 1.0)):
         under = bodies[side].points[bodies[side].face_nodes(f"{side}_platform")]
         flank = bodies["damper"].points[bodies["damper"].face_nodes(f"damper_{side}")]
-        for points in (under, flank):  # both on z = ridge - slope |x|
+        for points in (under, flank):  # both are on z = ridge - slope |x|
             assert np.allclose(points[:, 2], given.ridge_radius - given.slope * sign * points[:, 0], atol=1e-12)
-        assert (np.ptp(flank, axis=0) < np.ptp(under, axis=0)).all()  # the flank has a partner all over
+        assert (np.ptp(flank, axis=0) < np.ptp(under, axis=0)).all()  # all of the flank has a partner
         assert np.abs(under[:, 0]).min() == pytest.approx(0.5 * given.gap)
         radial = [sign * np.sin(np.pi / given.n_blades), np.cos(np.pi / given.n_blades)]
         root = bodies[side].points[bodies[side].face_nodes(f"{side}_root")][:, [0, 2]]
@@ -354,7 +354,7 @@ def test_damper_is_a_wedge_under_the_roof_of_its_platforms():
 
 
 @pytest.mark.parametrize("kind", blocks.KINDS)
-def test_box_is_filled_once_and_named(kind):
+def test_box_has_its_volume_and_named_sides(kind):
     lengths = np.array([2.0, 3.0, 5.0])
     body = blocks.box(kind, lengths, (2, 3, 2), origin=(1.0, 0.0, -1.0))
     assert blocks.jacobian_minimum(body).min() > 0.0
@@ -366,13 +366,13 @@ def test_box_is_filled_once_and_named(kind):
         for i in range(1, n_corners - 1):
             a, b, c = (body.points[faces[:, j]] for j in (0, i, i + 1))
             flux += np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-    assert flux == pytest.approx(lengths.prod(), rel=1e-12)  # neighbours match inside, faces look outwards
+    assert flux == pytest.approx(lengths.prod(), rel=1e-12)  # neighbours match, and faces point outwards
     for axis, side in enumerate(blocks.SIDES):
         on_side = body.points[body.face_nodes(side), axis // 2]
         assert np.allclose(on_side, body.points[:, axis // 2].max() if axis % 2 else body.points[:, axis // 2].min())
 
 
-def test_mid_side_nodes_lie_on_the_mapped_geometry():
+def test_midside_nodes_are_on_the_mapped_geometry():
     def ring(u, v, w):
         radius, angle = 1.0 + u, 0.5 * np.pi * v
         return np.stack([radius * np.cos(angle), radius * np.sin(angle), w], axis=-1)
@@ -382,16 +382,16 @@ def test_mid_side_nodes_lie_on_the_mapped_geometry():
     assert blocks.volumes(body).sum() == pytest.approx(0.75 * np.pi, rel=2e-3)
 
 
-def test_join_merges_what_coincides_only():
+def test_join_merges_only_coincident_nodes():
     parts = [blocks.box("hex20", (1, 1, 1), (1, 2, 2)), blocks.box("hex20", (1, 1, 1), (1, 2, 2), origin=(1, 0, 0))]
     body = blocks.join(parts)
     assert len(body.points) == len(blocks.box("hex20", (2, 1, 1), (2, 2, 2)).points)
     assert n_parts(body) == 1
-    apart = blocks.join([parts[0], blocks.box("hex20", (1, 1, 1), (1, 2, 2), origin=(1 + 1e-6, 0, 0))])
-    assert len(apart.points) == 2 * len(parts[0].points)
+    separate = blocks.join([parts[0], blocks.box("hex20", (1, 1, 1), (1, 2, 2), origin=(1 + 1e-6, 0, 0))])
+    assert len(separate.points) == 2 * len(parts[0].points)
 
 
-def test_bar_on_ground_touches_without_sharing():
+def test_bar_touches_ground_without_common_nodes():
     bodies = blocks.stacked("hex20", (0.1, 0.01, 0.01), (10, 1, 1), ground_height=0.002)
     bottom, top = bodies["bar"].face_nodes("bar_bottom"), bodies["ground"].face_nodes("ground_top")
     assert len(bottom) == len(top)
@@ -403,7 +403,7 @@ def test_bar_on_ground_touches_without_sharing():
 
 @pytest.mark.parametrize("binary", [True, False], ids=["binary", "text"])
 @pytest.mark.parametrize("kind", blocks.KINDS)
-def test_file_reads_back_as_written(kind, binary, tmp_path):
+def test_written_file_is_read_unchanged(kind, binary, tmp_path):
     bodies = blocks.stacked(kind, (np.pi, 1.0, 1.0), (3, 1, 2), ground_height=0.5)
     path = str(tmp_path / "bar.msh")
     write_msh(path, bodies, binary=binary)
@@ -433,8 +433,8 @@ def test_command_lines_run_from_any_folder(tmp_path):
         plain = {**os.environ, "PYTHONPATH": ""}
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=plain, check=False)
 
-    done = run("fan_sector.py", "--size", "small", "--out", "fan.msh", "--twist", "20")
-    assert done.returncode == 0 and "46 pairs" in done.stdout, done.stderr
+    process = run("fan_sector.py", "--size", "small", "--out", "fan.msh", "--twist", "20")
+    assert process.returncode == 0 and "46 pairs" in process.stdout, process.stderr
     assert "in all: 3551 nodes" in run("bolted_lap.py", "--out", "bolted.msh").stdout
     for script in ("lap_joint.py", "damper.py", "block_on_ground.py"):
         assert run(script, "--out", script.split("_")[0] + ".msh").returncode == 0
@@ -445,17 +445,17 @@ def test_command_lines_run_from_any_folder(tmp_path):
     assert all((tmp_path / f"{name}.png").stat().st_size > 5000 for name in ("lap", "bolted"))
 
 
-def test_picture_of_surfaces_that_a_file_does_not_have(tmp_path):
+def test_picture_of_missing_surfaces_is_refused(tmp_path):
     write_msh(str(tmp_path / "lap.msh"), lap_joint(LapJoint(kind="tet4")))
     with pytest.raises(ValueError, match="no surface 'lap_3'; its surfaces: clamp, lap_1, lap_2, tip"):
         picture.surface_nodes(str(tmp_path / "lap.msh"), ["lap_1", "lap_3"])
 
 
 @pytest.mark.parametrize("shape", ["sphere", "roller"])
-def test_rings_of_a_round_body_fill_it_and_meet_a_wider_flat(shape):
+def test_rings_of_a_round_body_have_its_volume_and_touch_a_larger_flat(shape):
     given = Rings(shape=shape, rings=6, base_rings=8, base_angles=2)
     bodies = hertz_rings(given)
-    n_sides = 8 * given.base_angles  # of the polygon, of which half is meshed
+    n_sides = 8 * given.base_angles  # of the polygon, half of which is meshed
     polygon = n_sides / 4.0 * given.size**2 * np.sin(2.0 * np.pi / n_sides)
     wide = polygon if shape == "sphere" else 2.0 * given.size * np.ptp(bodies["cap"].points[:, 1])
     assert blocks.volumes(bodies["base"]).sum() == pytest.approx(wide * given.size, rel=1e-9)
