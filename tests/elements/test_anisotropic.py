@@ -1,4 +1,4 @@
-"""Materials with material axes: patch tests against the turned compliance, free expansion, a tube, waves in a bar."""
+"""Anisotropic materials: patch tests against the rotated compliance, free expansion, a tube, waves in a bar."""
 
 import numpy as np
 import pytest
@@ -12,13 +12,13 @@ from microslip.elements.materials import COMPONENTS, strain_transformation
 
 YOUNG, POISSON, SHEAR = (1.4e11, 1.0e10, 2.0e10), (0.28, 0.31, 0.4), (5.0e9, 6.0e9, 3.5e9)
 C = elements.orthotropic(YOUNG, POISSON, SHEAR)
-ALPHA, WARMER, DENSITY = (-1e-6, 3e-5, 2e-5), 40.0, 1600.0
+ALPHA, TEMPERATURE_RISE, DENSITY = (-1e-6, 3e-5, 2e-5), 40.0, 1600.0
 AXES = elements.Directions((1.0, 0.4, -0.3), (0.2, 1.0, 0.7))
 PLY = elements.Anisotropic(tuple(map(tuple, C.tolist())), ALPHA, AXES)
 
 
 def skewed_box(kind):
-    """Return a box of 2 x 2 x 2 elements, inner nodes moved, and edges straight."""
+    """Return a skewed box of 2 x 2 x 2 elements with straight edges."""
     points, nodes = box(kind, (2, 2, 2), (1.0, 1.5, 0.8))
     return points @ np.array([[1.0, 0.2, 0.1], [0.0, 0.9, -0.2], [0.3, 0.0, 1.1]]), nodes
 
@@ -34,12 +34,12 @@ def tensor(C):
 
 def exact_stress(strain):
     a = AXES.at(np.zeros(3))
-    turned = np.einsum("pi,qj,rk,sm,pqrs->ijkm", a, a, a, a, tensor(C))
-    return np.einsum("ijkm,km->ij", turned, strain)
+    rotated = np.einsum("pi,qj,rk,sm,pqrs->ijkm", a, a, a, a, tensor(C))
+    return np.einsum("ijkm,km->ij", rotated, strain)
 
 
 def exact_strain(stress):
-    """The strain of a stress by the compliance of engineering constants, turned."""
+    """Return the strain of a stress by the rotated compliance of engineering constants."""
     a = AXES.at(np.zeros(3))
     in_axes = a @ stress @ a.T
     strain = np.zeros((3, 3))
@@ -53,14 +53,14 @@ def exact_strain(stress):
     return a.T @ strain @ a
 
 
-def test_axes_are_right_handed_and_the_second_direction_lies_in_their_plane():
+def test_axes_are_right_handed_and_the_second_direction_is_in_their_plane():
     a = AXES.at(np.zeros(3))
     assert a @ a.T == pytest.approx(np.eye(3), abs=1e-15) and np.linalg.det(a) == pytest.approx(1.0)
     assert a[0] == pytest.approx(np.array(AXES.first) / np.linalg.norm(AXES.first))
     assert a[2] @ np.array(AXES.second) == pytest.approx(0.0, abs=1e-15) and a[1] @ np.array(AXES.second) > 0.0
 
 
-def test_six_strains_turn_as_the_tensor_does():
+def test_six_strains_transform_like_the_tensor():
     strain = np.random.default_rng(1).standard_normal((3, 3))
     strain = strain + strain.T
     a = AXES.at(np.zeros(3))
@@ -75,19 +75,19 @@ TENSION, SHEARED = np.diag([1e6, 0.0, 0.0]), np.array([[0.0, 1e6, 0.0], [1e6, 0.
 
 @pytest.mark.parametrize("stress", [TENSION, SHEARED], ids=["tension", "shear"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_under_tension_or_shear_it_moves_by_the_turned_compliance(kind, stress):
-    """Tractions sigma n on the outside, six displacements held: u = S sigma x at every node, and sigma everywhere."""
+def test_tension_and_shear_give_the_motion_of_the_rotated_compliance(kind, stress):
+    """Tractions sigma n on the outside and six fixed displacements give u = S sigma x and the stress sigma everywhere."""
     points, nodes = skewed_box(kind)
     K, _ = assemble_of(PLY, kind, points, nodes, DENSITY)
     f = np.zeros_like(points)
-    for face_kind, face in elements.KINDS[kind].faces:  # inner faces cancel
+    for face_kind, face in elements.KINDS[kind].faces:  # contributions of inner faces cancel
         np.add.at(f, nodes[:, face], -elements.pressure_forces(face_kind, points[nodes[:, face]]) @ stress)
     strain = exact_strain(stress)
     exact = (points @ strain).ravel()
-    held = np.array([0, 1, 2, *(3 * points[:, 0].argmax() + [1, 2]), 3 * points[:, 1].argmax() + 2])
-    free = np.setdiff1d(np.arange(len(exact)), held)
+    fixed = np.array([0, 1, 2, *(3 * points[:, 0].argmax() + [1, 2]), 3 * points[:, 1].argmax() + 2])
+    free = np.setdiff1d(np.arange(len(exact)), fixed)
     computed = exact.copy()
-    computed[free] = sla.spsolve(K[free][:, free].tocsc(), f.ravel()[free] - K[free][:, held] @ exact[held])
+    computed[free] = sla.spsolve(K[free][:, free].tocsc(), f.ravel()[free] - K[free][:, fixed] @ exact[fixed])
     assert computed == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
     sigma = elements.stress(Solids(kind, points[nodes], PLY), computed.reshape(-1, 3)[nodes])
     assert sigma == pytest.approx(np.broadcast_to(stress, sigma.shape), abs=1e-9 * np.abs(stress).max())
@@ -99,31 +99,35 @@ def test_a_body_free_to_expand_has_no_stress(kind):
     points, nodes = skewed_box(kind)
     K, _ = assemble_of(PLY, kind, points, nodes, DENSITY)
     a = AXES.at(np.zeros(3))
-    u = WARMER * points @ (a.T * ALPHA @ a)
+    u = TEMPERATURE_RISE * points @ (a.T * ALPHA @ a)
     forces = np.zeros_like(points)
-    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], PLY, temperature_rise=WARMER)))
+    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], PLY, temperature_rise=TEMPERATURE_RISE)))
     assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
-    stress = elements.stress(Solids(kind, points[nodes], PLY, temperature_rise=WARMER), u[nodes])
-    assert np.abs(stress).max() < 1e-9 * YOUNG[0] * ALPHA[1] * WARMER
+    stress = elements.stress(Solids(kind, points[nodes], PLY, temperature_rise=TEMPERATURE_RISE), u[nodes])
+    assert np.abs(stress).max() < 1e-9 * YOUNG[0] * ALPHA[1] * TEMPERATURE_RISE
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_isotropic_material_has_no_axes(kind):
-    """The same constants along three axes, in any orientation: stiffness, K_F and forces of large displacements of (2.1)."""
+def test_equal_constants_along_all_axes_are_isotropic(kind):
+    """In any orientation stiffness, K_F, forces and tangent of large displacements equal those of (2.1)."""
     points, nodes = skewed_box(kind)
     steel = elements.Isotropic(2e11, 0.3, 1e-5)
     C = elements.orthotropic((2e11,) * 3, (0.3,) * 3, (steel.mu,) * 3)
     same = elements.Anisotropic(tuple(map(tuple, C.tolist())), (1e-5,) * 3, elements.Cylindrical((0.2, -1.0, 3.0)))
     u = 0.02 * np.random.default_rng(2).standard_normal(points[nodes].shape)
-    for of in (
+    for result in (
         lambda material: elements.stiffness(Solids(kind, points[nodes], material)),
         lambda material: elements.deformed_stiffness(Solids(kind, points[nodes], material), u),
-        lambda material: elements.large_displacements(Solids(kind, points[nodes], material, temperature_rise=WARMER), u)[0],
-        lambda material: elements.large_displacements(Solids(kind, points[nodes], material, temperature_rise=WARMER), u)[1],
-        lambda material: elements.thermal_forces(Solids(kind, points[nodes], material, temperature_rise=WARMER)),
+        lambda material: elements.large_displacements(
+            Solids(kind, points[nodes], material, temperature_rise=TEMPERATURE_RISE), u
+        )[0],
+        lambda material: elements.large_displacements(
+            Solids(kind, points[nodes], material, temperature_rise=TEMPERATURE_RISE), u
+        )[1],
+        lambda material: elements.thermal_forces(Solids(kind, points[nodes], material, temperature_rise=TEMPERATURE_RISE)),
     ):
-        expected = of(steel)
-        assert np.abs(of(same) - expected).max() < 1e-9 * np.abs(expected).max()
+        expected = result(steel)
+        assert np.abs(result(same) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "tet10"])
@@ -131,18 +135,18 @@ def test_the_tangent_is_the_derivative_of_the_forces(kind):
     points, nodes = skewed_box(kind)
     around = elements.Anisotropic(PLY.elasticity, ALPHA, elements.Cylindrical((0.0, 0.1, 1.0), (-2.0, 0.3, 0.0)))
     u, v = 0.02 * np.random.default_rng(6).standard_normal((2, *points[nodes].shape))
-    _, K = elements.large_displacements(Solids(kind, points[nodes], around, temperature_rise=WARMER), u)
+    _, K = elements.large_displacements(Solids(kind, points[nodes], around, temperature_rise=TEMPERATURE_RISE), u)
     h = 1e-5
     ahead, behind = (
-        elements.large_displacements(Solids(kind, points[nodes], around, temperature_rise=WARMER), u + sign * h * v)[0]
+        elements.large_displacements(Solids(kind, points[nodes], around, temperature_rise=TEMPERATURE_RISE), u + sign * h * v)[0]
         for sign in (1.0, -1.0)
     )
     slope = (K @ v.reshape(len(v), -1, 1)).reshape(v.shape)
     assert (ahead - behind) / (2.0 * h) == pytest.approx(slope, abs=1e-7 * np.abs(slope).max())
 
 
-def test_a_tube_wound_around_its_axis_moves_as_lekhnitskii_says():
-    """Plane strain, inner radius moved by 1: u_r = A r^k + B r^-k with k^2 = C_22 / C_11; the error falls as h^4."""
+def test_a_wound_tube_has_the_motion_of_lekhnitskii():
+    """Plane strain with u_r = 1 at the inner radius: u_r = A r^k + B r^-k, k^2 = C_22 / C_11; the error decreases as h^4."""
     inner, outer, k = 1.0, 2.0, np.sqrt(C[1, 1] / C[0, 0])
     A, B = np.linalg.solve([[inner**k, inner**-k], [outer**k, outer**-k]], [1.0, 0.0])
     material = elements.Anisotropic(PLY.elasticity, ALPHA, elements.Cylindrical((0.0, 0.0, 1.0)))
@@ -157,7 +161,7 @@ def test_a_tube_wound_around_its_axis_moves_as_lekhnitskii_says():
         Q = np.stack([outward, across, np.tile([0.0, 0.0, 1.0], (len(r), 1))], axis=1)  # cylinder axes of each node
         exact = A * r**k + B * r**-k
         inside = np.flatnonzero((r > inner + 1e-9) & (r < outer - 1e-9))
-        # along the radius alone: by symmetry nothing else moves
+        # radial motion only, by symmetry
         turn = np.zeros((3 * len(r), len(r)))
         turn[np.arange(3 * len(r)), np.repeat(np.arange(len(r)), 3)] = Q[:, 0].ravel()
         K_r = turn.T @ (K @ turn)
@@ -168,8 +172,8 @@ def test_a_tube_wound_around_its_axis_moves_as_lekhnitskii_says():
 
 
 @pytest.mark.parametrize("degrees", [0.0, 25.0, 90.0])
-def test_waves_along_a_bar_have_the_speed_of_its_modulus_along_it(degrees):
-    """Free ends, fibres turned about z by an angle: f = sqrt(E_x / rho) / 2 L, E_x = 1 / S_xx of the turned compliance."""
+def test_waves_along_a_bar_have_the_speed_of_its_axial_modulus(degrees):
+    """Free ends, fibres rotated about z by an angle: f = sqrt(E_x / rho) / 2 L, E_x = 1 / S_xx of the rotated compliance."""
     length, side, t = 1.0, 0.01, np.deg2rad(degrees)
     c, s = np.cos(t), np.sin(t)
     E = 1.0 / (c**4 / YOUNG[0] + s**4 / YOUNG[1] + c**2 * s**2 * (1.0 / SHEAR[0] - 2.0 * POISSON[0] / YOUNG[0]))

@@ -8,7 +8,7 @@ from small_fe import bent
 from microslip import elements
 from microslip.elements import FACE_KINDS, face_nodal_areas, face_normals
 
-CORNER_SHARE = {"quad4": 1.0 / 4.0, "quad8": 3.0 / 76.0, "tri3": 1.0 / 3.0, "tri6": 1.0 / 19.0}
+CORNER_FRACTION = {"quad4": 1.0 / 4.0, "quad8": 3.0 / 76.0, "tri3": 1.0 / 3.0, "tri6": 1.0 / 19.0}
 
 
 def flat(kind):
@@ -17,18 +17,18 @@ def flat(kind):
 
 
 @pytest.mark.parametrize("kind", FACE_KINDS)
-def test_areas_of_a_straight_face_are_the_stated_shares(kind):
+def test_areas_of_a_straight_face_are_the_stated_fractions(kind):
     points = flat(kind) * [2.0, 3.0, 1.0]
     areas = face_nodal_areas(kind, points[None])[0]
     n_corners, area = FACE_KINDS[kind].n_corners, 24.0 if kind.startswith("quad") else 3.0
-    assert areas[:n_corners] == pytest.approx(CORNER_SHARE[kind] * area, rel=1e-13)
+    assert areas[:n_corners] == pytest.approx(CORNER_FRACTION[kind] * area, rel=1e-13)
     if len(areas) > n_corners:
-        assert areas[n_corners:] == pytest.approx((1.0 / n_corners - CORNER_SHARE[kind]) * area, rel=1e-13)
+        assert areas[n_corners:] == pytest.approx((1.0 / n_corners - CORNER_FRACTION[kind]) * area, rel=1e-13)
 
 
 @pytest.mark.parametrize("kind", FACE_KINDS)
-def test_areas_are_positive_and_add_up_on_bent_faces(kind):
-    """On a cylinder of radius 2 the area of a face is radius x angle x height."""
+def test_areas_of_curved_faces_are_positive_and_add_up(kind):
+    """The area of a cylinder of radius 2 is radius x angle x height."""
     n = 8
     u, v = np.meshgrid(np.linspace(0.0, 1.0, n, endpoint=False), np.linspace(0.0, 1.0, n, endpoint=False))
     local = FACE_KINDS[kind].nodes if kind.startswith("tri") else (FACE_KINDS[kind].nodes + 1.0) / 2.0
@@ -62,7 +62,7 @@ def test_a_collapsed_face_has_no_normal_and_no_nan():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_faces_of_an_element_enclose_its_volume(kind):
-    """Divergence theorem on straight elements: area vectors add up to 0, their fluxes of x / 3 to the volume."""
+    """Divergence theorem on straight elements: area vectors add up to 0, and their fluxes of x / 3 to the volume."""
     points, nodes = box(kind, (1, 1, 2), (1.0, 1.5, 4.0))
     x = points[nodes] @ np.array([[1.0, 0.2, 0.1], [0.3, 1.0, 0.0], [0.0, -0.2, 1.0]])
     closure, flux = np.zeros((len(x), 3)), np.zeros(len(x))
@@ -75,7 +75,7 @@ def test_faces_of_an_element_enclose_its_volume(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_normals_look_out_of_curved_elements(kind):
+def test_normals_point_out_of_curved_elements(kind):
     points, nodes = box(kind, (3, 3, 6), (1.0, 1.5, 4.0))
     x = bent(points)[nodes]
     centre = x.mean(axis=1, keepdims=True)
@@ -85,7 +85,7 @@ def test_normals_look_out_of_curved_elements(kind):
 
 
 @pytest.mark.parametrize("kind", elements.CELLS)
-def test_polynomials_of_integration_points_are_orthogonal_and_make_the_shape_functions(kind):
+def test_polynomials_of_integration_points_are_orthogonal_and_span_the_shape_functions(kind):
     rule, square = elements.FINER_SAMPLES, kind.startswith("quad")
     xi = np.concatenate([2.0 * rule.points - 1.0, 1.0 - 2.0 * rule.points]) if square else rule.points
     weights = np.resize(rule.weights, len(xi))

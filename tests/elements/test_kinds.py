@@ -21,7 +21,7 @@ N_NODES = {
     "quad8": 8,
 }
 QUADRATIC = ("tet10", "hex20", "wedge15", "pyramid13", "tri6", "quad8")
-# The mid-side nodes that VTK's documentation of its quadratic cells places between these corners.
+# Corners at the ends of the edges of the midside nodes, by the documentation of VTK.
 MID_SIDES = {
     "tet10": [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
     "hex20": [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
@@ -54,7 +54,7 @@ def test_shape_functions_reproduce_polynomials(kind):
 
 
 @pytest.mark.parametrize("kind", ALL)
-def test_derivatives_are_those_of_the_shape_functions(kind):
+def test_derivatives_equal_differences_of_the_shape_functions(kind):
     xi, h = some_points(kind), 1e-5
     slopes = ALL[kind].derivatives(xi)
     for r, step in enumerate(h * np.eye(xi.shape[1])):
@@ -63,13 +63,13 @@ def test_derivatives_are_those_of_the_shape_functions(kind):
 
 
 @pytest.mark.parametrize("kind", MID_SIDES)
-def test_mid_side_nodes_lie_between_the_corners_that_vtk_names(kind):
+def test_midside_nodes_are_between_the_corners_of_vtk(kind):
     nodes, n_corners = KINDS[kind].nodes, KINDS[kind].n_corners
     assert np.array_equal(nodes[n_corners:], nodes[np.array(MID_SIDES[kind])].mean(axis=1))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_faces_close_the_element_and_look_outward(kind):
+def test_faces_enclose_the_element_and_point_outward(kind):
     nodes, n_corners = KINDS[kind].nodes, KINDS[kind].n_corners
     edges = []
     for face_kind, local in KINDS[kind].faces:
@@ -85,8 +85,8 @@ def test_faces_close_the_element_and_look_outward(kind):
 
 
 @pytest.mark.parametrize("kind", ["pyramid5", "pyramid13"])
-def test_pyramids_fit_to_their_neighbours(kind):
-    """On each face of a pyramid its functions are those of the face's kind, and all others are 0 there."""
+def test_pyramids_are_compatible_with_their_neighbours(kind):
+    """On each face the shape functions of a pyramid are those of the face, and all others are 0."""
     pyramid = KINDS[kind]
     for face_kind, local in pyramid.faces:
         face = FACE_KINDS[face_kind]

@@ -1,4 +1,4 @@
-"""The nearest point of a face: inside it, on its edges, on curved and warped ones."""
+"""The nearest point of a face: inside, on edges, on curved and warped faces."""
 
 import numpy as np
 import pytest
@@ -17,13 +17,13 @@ def inner_points(kind, n, rng):
 
 
 def bent_face(kind):
-    """Return a curved and sheared face, (n, 3); bilinear ones are warped."""
+    """Return a curved and sheared face, (n, 3); bilinear faces are warped."""
     x, y = FACE_KINDS[kind].nodes.T
     return np.stack([2.0 * x + 0.3 * y, 1.5 * y - 0.2 * x * y, 0.2 * x * x - 0.15 * x * y + 0.1 * y * y + 0.4 * x], axis=1)
 
 
 @pytest.mark.parametrize("kind", FACE_KINDS)
-def test_second_derivatives_are_those_of_the_first(kind):
+def test_second_derivatives_equal_differences_of_the_first(kind):
     face, xi, h = FACE_KINDS[kind], inner_points(kind, 5, np.random.default_rng(0)), 1e-6
     second = face.second_derivatives(xi)
     for r, step in enumerate(h * np.eye(2)):
@@ -32,7 +32,7 @@ def test_second_derivatives_are_those_of_the_first(kind):
 
 
 @pytest.mark.parametrize("kind", FACE_KINDS)
-def test_points_above_and_below_a_curved_face_find_their_feet(kind):
+def test_points_above_and_below_a_curved_face_are_projected_exactly(kind):
     rng = np.random.default_rng(1)
     face, points, xi = FACE_KINDS[kind], bent_face(kind), inner_points(kind, 200, rng)
     t1, t2 = np.einsum("fra,ai->rfi", face.derivatives(xi), points)
@@ -46,8 +46,8 @@ def test_points_above_and_below_a_curved_face_find_their_feet(kind):
 
 
 @pytest.mark.parametrize("kind", FACE_KINDS)
-def test_points_anywhere_agree_with_a_search_of_the_whole_face(kind):
-    """Against the best of 900 points of the face, polished by another program's minimiser with bounds."""
+def test_distances_of_random_points_agree_with_a_minimiser(kind):
+    """The reference is the nearest of 900 points of the face, refined by the bounded minimiser of SciPy."""
     rng = np.random.default_rng(2)
     face, points = FACE_KINDS[kind], bent_face(kind)
     queries = points.mean(axis=0) + rng.uniform(-4.0, 4.0, (40, 3))
@@ -60,18 +60,18 @@ def test_points_anywhere_agree_with_a_search_of_the_whole_face(kind):
 
     for query, least in zip(queries, distance, strict=True):
         square = np.stack([a, b], axis=1)
-        away = np.linalg.norm(face.values(local(square)) @ points - query, axis=1)
-        polished = minimize(
+        distances = np.linalg.norm(face.values(local(square)) @ points - query, axis=1)
+        refined = minimize(
             lambda s, to=query: np.sum((face.values(local(s[None]))[0] @ points - to) ** 2),
-            square[np.argmin(away)],
+            square[np.argmin(distances)],
             bounds=[(0.0, 1.0)] * 2,
             tol=1e-14,
         )
-        assert least <= away.min() + 1e-12 and least == pytest.approx(np.sqrt(polished.fun), rel=1e-6)
+        assert least <= distances.min() + 1e-12 and least == pytest.approx(np.sqrt(refined.fun), rel=1e-6)
     assert np.linalg.norm(np.einsum("fa,ai->fi", face.values(computed), points) - queries, axis=1) == pytest.approx(distance)
 
 
-def test_a_collapsed_face_gives_a_point_of_it():
+def test_the_nearest_point_of_a_collapsed_face_is_finite():
     points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     xi, distance = nearest_on_faces("quad4", points[None], np.array([[0.3, 0.4, 0.0]]))
     assert distance == pytest.approx(0.4) and np.isfinite(xi).all()

@@ -1,4 +1,4 @@
-"""Stress, its stiffness, thermal and pressure forces of every element kind against exact integrals."""
+"""Stress, stress stiffness, thermal and pressure forces of every element kind against exact integrals."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from microslip.elements import Solids
 
 YOUNG, POISSON = 2.0e11, 0.3
 STEEL = elements.Isotropic(YOUNG, POISSON, expansion=1e-5)
-WARMER = 20.0  # K
+TEMPERATURE_RISE = 20.0  # K
 
 
 def bent_box(kind):
@@ -19,7 +19,7 @@ def bent_box(kind):
 
 
 def skewed():
-    """A map that keeps straight edges and parallel faces: linear fields are integrated exactly."""
+    """Return an affine map: edges remain straight and faces parallel, so that linear fields are integrated exactly."""
     return np.array([[1.0, 0.2, 0.1], [0.0, 0.9, -0.2], [0.3, 0.0, 1.1]])
 
 
@@ -30,37 +30,37 @@ def hooke(H, free_strain=0.0):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_stress_of_a_linear_motion_is_hookes(kind):
+def test_stress_of_a_linear_motion_is_that_of_hooke(kind):
     points, nodes = bent_box(kind)
     H = 1e-3 * np.random.default_rng(1).standard_normal((3, 3))
     u = points[nodes] @ H.T
-    computed = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER), u)
+    computed = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=TEMPERATURE_RISE), u)
     assert computed == pytest.approx(
-        np.broadcast_to(hooke(H, STEEL.expansion * WARMER), computed.shape), abs=1e-9 * np.abs(computed).max()
+        np.broadcast_to(hooke(H, STEEL.expansion * TEMPERATURE_RISE), computed.shape), abs=1e-9 * np.abs(computed).max()
     )
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_body_free_to_expand_has_no_stress_and_its_forces_are_in_balance(kind):
     points, nodes = bent_box(kind)
-    strain = STEEL.expansion * WARMER
+    strain = STEEL.expansion * TEMPERATURE_RISE
     K, _ = small_fe.assemble(kind, points, nodes, YOUNG, POISSON, 1.0)
     forces = np.zeros_like(points)
-    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER)))
+    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], STEEL, temperature_rise=TEMPERATURE_RISE)))
     u = strain * points
     assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
-    stress = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER), u[nodes])
+    stress = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=TEMPERATURE_RISE), u[nodes])
     assert np.abs(stress).max() < 1e-9 * YOUNG * strain
     assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
 
 
-EXACT = ("tet10", "hex8", "hex20", "wedge15", "pyramid13")  # have all quadratic motions; hex8 by its bubbles
+EXACT = ("tet10", "hex8", "hex20", "wedge15", "pyramid13")  # contain all quadratic motions; hex8 by its incompatible modes
 
 
 @pytest.mark.parametrize("kind", EXACT)
 @pytest.mark.parametrize("is_large", [False, True])
-def test_a_linear_temperature_stresses_nothing(kind, is_large):
-    """theta = g . x: u = alpha ((g . x) x - g |x|^2 / 2) has the strain alpha theta 1."""
+def test_a_linear_temperature_causes_no_stress(kind, is_large):
+    """For theta = g . x the motion u = alpha ((g . x) x - g |x|^2 / 2) has the strain alpha theta 1."""
     points, nodes = bent_box(kind)
     g = np.array([3.0, -2.0, 5.0])
     theta = points @ g
@@ -70,23 +70,23 @@ def test_a_linear_temperature_stresses_nothing(kind, is_large):
     assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
     stress = elements.stress(heated, u[nodes])
     assert np.abs(stress).max() < 1e-9 * YOUNG * STEEL.expansion * np.abs(theta).max()
-    if is_large:  # of small strains: what is left is of their square
-        resisted, _ = elements.large_displacements(heated, u[nodes])
-        held, _ = elements.large_displacements(heated, 0.0 * u[nodes])
-        assert np.abs(resisted).max() < 1e-2 * np.abs(held).max()
+    if is_large:  # the remainder is quadratic in the small strains
+        f, _ = elements.large_displacements(heated, u[nodes])
+        f_fixed, _ = elements.large_displacements(heated, 0.0 * u[nodes])
+        assert np.abs(f).max() < 1e-2 * np.abs(f_fixed).max()
     else:
         K, _ = small_fe.assemble(kind, points, nodes, YOUNG, POISSON, 1.0)
         assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_temperature_at_all_nodes_is_that_of_the_body(kind):
+def test_equal_temperatures_at_all_nodes_equal_that_of_the_body(kind):
     points, nodes = bent_box(kind)
-    u, heated = 1e-3 * np.random.default_rng(7).standard_normal(points[nodes].shape), np.full(nodes.shape, WARMER)
-    for function, of in ((elements.stress, (u,)), (elements.thermal_forces, ())):
+    u, heated = 1e-3 * np.random.default_rng(7).standard_normal(points[nodes].shape), np.full(nodes.shape, TEMPERATURE_RISE)
+    for function, arguments in ((elements.stress, (u,)), (elements.thermal_forces, ())):
         uniform, by_node = (
-            function(Solids(kind, points[nodes], STEEL, temperature_rise=temperature_rise), *of)
-            for temperature_rise in (WARMER, heated)
+            function(Solids(kind, points[nodes], STEEL, temperature_rise=temperature_rise), *arguments)
+            for temperature_rise in (TEMPERATURE_RISE, heated)
         )
         assert by_node == pytest.approx(uniform, abs=1e-9 * np.abs(uniform).max())
 
@@ -104,12 +104,12 @@ def test_energy_of_the_stress_stiffness_is_that_of_a_linear_motion(kind):
     u = points[nodes] @ H.T
     volume = 1.0 * 1.5 * 4.0 * abs(np.linalg.det(skewed()))
     assert np.einsum("eai,eab,ebi->", u, K, u) == pytest.approx(volume * np.trace(H @ S @ H.T), rel=1e-10)
-    assert np.abs(K.sum(axis=2)).max() < 1e-10 * np.abs(K).max()  # a translation feels no stress
+    assert np.abs(K.sum(axis=2)).max() < 1e-10 * np.abs(K).max()  # a translation has no force
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_finite_turn_turns_the_stiffness(kind):
-    """About u = (Q - 1) x, v^T K_F v is the energy of the motion turned back, Q^T v."""
+def test_a_finite_rotation_rotates_the_stiffness(kind):
+    """At u = (Q - 1) x, v^T K_F v is the energy of the motion rotated back, Q^T v."""
     points, nodes = bent_box(kind)
     rng = np.random.default_rng(3)
     Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
@@ -124,7 +124,7 @@ def test_a_finite_turn_turns_the_stiffness(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_energy_about_a_deformed_shape_is_that_of_a_linear_motion(kind):
-    """With u = H x and v = G x the strain is sym((1 + H)^T G) everywhere; K_F is symmetric, and K for u = 0."""
+    """With u = H x and v = G x the strain is sym((1 + H)^T G) everywhere; K_F is symmetric, and equals K for u = 0."""
     points, nodes = bent_box(kind)
     H, G = 0.3 * np.random.default_rng(4).standard_normal((2, 3, 3))
     K = elements.deformed_stiffness(Solids(kind, points[nodes], STEEL), points[nodes] @ H.T)
@@ -139,7 +139,7 @@ def test_energy_about_a_deformed_shape_is_that_of_a_linear_motion(kind):
 
 
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8"])
-def test_a_pressure_pushes_against_the_outward_normal_through_the_middle(kind):
+def test_a_pressure_has_its_resultant_against_the_outward_normal_at_the_centroid(kind):
     corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]])[: 3 if "tri" in kind else 4]
     middle = 0.5 * (corners + np.roll(corners, -1, axis=0))
     points = np.concatenate([corners, middle])[None, : int(kind[-1])]
@@ -151,7 +151,7 @@ def test_a_pressure_pushes_against_the_outward_normal_through_the_middle(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_forces_of_large_displacements_are_those_of_their_stress(kind):
-    """f . v = V tr((F S)^T H) for v = H x under a constant F; a turn alone makes none; S = lam tr(E) 1 + 2 mu E."""
+    """f . v = V tr((F S)^T H) for v = H x under a constant F, S = lam tr(E) 1 + 2 mu E; a rotation causes no forces."""
     points, nodes = bent_box(kind)
     rng = np.random.default_rng(5)
     Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]

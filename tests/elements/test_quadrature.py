@@ -1,4 +1,4 @@
-"""Quadrature rules integrate the polynomials they promise."""
+"""Quadrature rules integrate polynomials up to their degree."""
 
 from itertools import product
 from math import factorial
@@ -22,7 +22,7 @@ def on_wedge(exponent):
 
 
 def on_pyramid(exponent):
-    """The base x^a y^b shrinks as 1 - z."""
+    """Return the integral over a pyramid, whose section shrinks as 1 - z."""
     a, b, c = exponent
     return on_cube((a, b)) * factorial(c) * factorial(a + b + 2) / factorial(a + b + c + 3)
 
@@ -45,7 +45,7 @@ RULES = {
 
 
 @pytest.mark.parametrize("name", RULES)
-def test_a_rule_is_exact_to_its_degree_and_no_further(name):
+def test_a_rule_is_exact_only_up_to_its_degree(name):
     rule, degree, exact = RULES[name]
     assert (rule.weights > 0.0).all()
     errors = np.zeros(degree + 2)
@@ -66,6 +66,6 @@ def test_every_kind_has_rules_for_every_integration(kind):
 
 
 @pytest.mark.parametrize("kind, integration", [("hex27", "full"), ("hex8", "selective")])
-def test_unknown_names_are_errors_that_list_the_known_ones(kind, integration):
+def test_unknown_names_are_refused_with_the_known_ones(kind, integration):
     with pytest.raises(ValueError, match="pyramid13 and full, reduced, reduced-both"):
         quadrature.rules(kind, integration)

@@ -1,4 +1,4 @@
-"""Stress and strain at nodes: exact where the displacements of the element hold the field."""
+"""Stress and strain at nodes are exact for displacement fields that the element contains."""
 
 import numpy as np
 import pytest
@@ -18,14 +18,14 @@ def hooke(strain):
 
 
 def distorted(kind):
-    """The nodes of one element of a box, moved: with edges that stay straight."""
+    """Return the nodes of a skewed element of a box, with straight edges."""
     points, nodes = box(kind, (1, 1, 1), (1.0, 1.4, 0.8))
     skew = np.array([[1.0, 0.2, -0.1], [0.1, 1.1, 0.3], [-0.2, 0.1, 0.9]])
     return points[nodes[0]] @ skew.T
 
 
 def applied(rows, u):
-    """Stress (n, 3, 3) at the nodes under displacements (n, 3)."""
+    """Return the stress (n, 3, 3) at the nodes under displacements (n, 3)."""
     return np.einsum("aijbk,bk->aij", rows, u)
 
 
@@ -54,8 +54,8 @@ def test_linear_stress_is_exact_in_quadratic_elements(kind, integration):
     np.testing.assert_allclose(computed, exact, atol=1e-10 * np.abs(exact).max())
 
 
-def test_the_bubbles_of_hex8_bend():
-    """Pure bending of a brick: sigma_xx = E y, all else 0, which the nodes alone would not give."""
+def test_incompatible_modes_of_hex8_give_exact_bending_stress():
+    """Pure bending of a brick has sigma_xx = E y and all else 0; without incompatible modes the stress is wrong."""
     points, nodes = box("hex8", (1, 1, 1), (1.0, 0.5, 0.25), (0.0, -0.25, -0.125))
     x, y, z = points[nodes[0]].T
     u = np.column_stack([x * y, -0.5 * (x**2 + POISSON * (y**2 - z**2)), -POISSON * y * z])
@@ -68,6 +68,6 @@ def test_the_bubbles_of_hex8_bend():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_weights_add_up_to_one(kind):
+def test_the_weights_of_the_fit_add_up_to_one(kind):
     for integration in elements.INTEGRATIONS:
         np.testing.assert_allclose(fit(kind, integration).sum(axis=1), 1.0, atol=1e-12)

@@ -1,9 +1,9 @@
-"""Matrices and frequencies of other programs, each with the quadrature that it uses.
+"""Matrices and frequencies of other programs, each with its quadrature.
 
 Sources: Ansys, see tests/data/README.md; NAFEMS FV52 (a simply supported thick plate, Selected Benchmarks for Natural
 Frequency Analysis, 1987) on its 4 x 4 x 1 mesh as CalculiX solves it; CalculiX' own test decks beam8f, beamf and
 dloadlin20f, meshes regenerated from their dimensions (mm, N, t); and CalculiX 2.20 on the bar of
-tests/verification/calculix.py, which repeats that comparison live.
+tests/verification/calculix.py, which runs that comparison.
 """
 
 from pathlib import Path
@@ -28,7 +28,7 @@ def symmetric(data, name, n):
     return upper + sp.triu(upper, 1).T
 
 
-def test_every_entry_of_ansys_stiffness_and_mass(ansys):
+def test_every_entry_of_stiffness_and_mass_equals_ansys(ansys):
     K, M = assemble("hex20", ansys["points"], ansys["elements"].astype(int), *ANSYS, "reduced")
     rows = ansys["rows"]
     K_ansys, M_ansys = symmetric(ansys, "K", 900), sp.kron(symmetric(ansys, "M", 300), sp.eye(3))
@@ -43,20 +43,20 @@ def test_every_entry_of_ansys_stiffness_and_mass(ansys):
         ("full", [1284.975, 1284.975, 5807.23, 6929.48, 6929.48, 10177.09], 1e-6),
     ],
 )
-def test_frequencies_of_ansys_clamped_beam(ansys, integration, clamped, tolerance):
+def test_frequencies_of_a_clamped_beam_equal_ansys(ansys, integration, clamped, tolerance):
     K, M = assemble("hex20", ansys["points"], ansys["elements"].astype(int), *ANSYS, integration)
     computed = frequencies(K, M, dofs(ansys["points"][:, 2] == 0.0), 6)
     assert computed == pytest.approx(clamped, rel=tolerance)
 
 
-def test_frequencies_of_ansys_free_beam(ansys):
+def test_frequencies_of_a_free_beam_equal_ansys(ansys):
     K, M = assemble("hex20", ansys["points"], ansys["elements"].astype(int), *ANSYS, "reduced")
     computed = frequencies(K, M, [], 6, n_rigid=6)
     free = [7366.49503969, 7366.49503969, 11504.89523664, 17285.70459456, 17285.70459456, 20137.19299035]
     assert computed == pytest.approx(free, rel=1e-10)
 
 
-def test_thick_plate_of_nafems_fv52():
+def test_frequencies_of_the_thick_plate_fv52_equal_nafems():
     """10 x 10 x 1 m; w = 0 along the bottom edges, free in the plane."""
     points, nodes = box("hex20", (4, 4, 1), (10.0, 10.0, 1.0))
     at_edge = (points[:, 2] == 0.0) & ((points[:, :2] == 0.0) | (points[:, :2] == 10.0)).any(axis=1)
@@ -100,12 +100,14 @@ def test_thick_plate_of_nafems_fv52():
         ),
     ],
 )
-def test_beams_of_the_calculix_test_set(kind, integration, cells, size, clamped_axis, young, density, expected):
+def test_frequencies_of_beams_of_its_test_set_equal_calculix(
+    kind, integration, cells, size, clamped_axis, young, density, expected
+):
     points, nodes = box(kind, cells, size)
     K, M = assemble(kind, points, nodes, young, 0.3, density, integration, incompatible_modes=False)
     computed = frequencies(K, M, dofs(points[:, clamped_axis] == 0.0), len(expected))
-    # dloadlin20f: the first mode of this very thin plate is 7e-6 to 9e-6 off CalculiX's: rounding alone moves
-    # ours by some 2e-6 (9.48304 and 9.48306 in two runs); all others agree to its seven digits.
+    # dloadlin20f: the first frequency of this very thin plate differs by 7e-6 to 9e-6 from CalculiX; rounding changes
+    # it by some 2e-6 (9.48304 and 9.48306 in two runs); all others agree to seven digits.
     assert computed[0] == pytest.approx(expected[0], rel=2e-5 if size[0] == 300.0 else 3e-7)
     assert computed[1:] == pytest.approx(expected[1:], rel=3e-7)
 
@@ -122,18 +124,18 @@ def test_beams_of_the_calculix_test_set(kind, integration, cells, size, clamped_
         ("wedge15", "reduced-both", [58.31414, 82.75722, 229.2993, 251.4401, 318.8106, 374.9191]),  # C3D15
     ],
 )
-def test_curved_bar_of_every_kind_in_calculix(kind, integration, expected):
+def test_frequencies_of_a_curved_bar_of_every_kind_equal_calculix(kind, integration, expected):
     points, nodes = box(kind, (2, 2, 4), (1.0, 1.5, 4.0))
     points = bent(points)
     K, M = assemble(kind, points, nodes, 2.1e11, 0.3, 7800.0, integration, incompatible_modes=False)
     assert frequencies(K, M, dofs(points[:, 2] == 0.0), 6) == pytest.approx(expected, rel=3e-7)
-    if kind == "tet10":  # the exact mass of "full" lies this near to CalculiX' 4 points
+    if kind == "tet10":  # difference of the exact mass of "full" from the 4 points of CalculiX
         K, M = assemble(kind, points, nodes, 2.1e11, 0.3, 7800.0)
         assert frequencies(K, M, dofs(points[:, 2] == 0.0), 6) == pytest.approx(expected, rel=6e-4)
 
 
-def test_tip_displacement_of_c3d8i_in_calculix():
-    """Incompatible modes on cuboids under (1, 2, 3) MN at a corner of the tip."""
+def test_tip_displacement_of_c3d8i_equals_calculix():
+    """Cuboids with incompatible modes under (1, 2, 3) MN at a corner of the tip."""
     points, nodes = box("hex8", (2, 2, 4), (1.0, 1.5, 4.0))
     K, _ = assemble("hex8", points, nodes, 2.1e11, 0.3, 7800.0)
     tip = int(np.flatnonzero((points == [1.0, 1.5, 4.0]).all(axis=1))[0])

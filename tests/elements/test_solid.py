@@ -19,12 +19,12 @@ MASS_RANK = {
     "wedge15": 9,
     "pyramid5": 5,
     "pyramid13": 13,
-}  # by the points of K
-WITH_MODES = [(kind, True) for kind in KINDS] + [("hex8", False)]  # kind, incompatible_modes: hex8 alone has any
+}  # with the integration points of K
+WITH_MODES = [(kind, True) for kind in KINDS] + [("hex8", False)]  # kind, incompatible_modes: only hex8 has them
 
 
 def distorted(kind):
-    """Return the nodes (1, n, 3) of one element with curved edges, some 0.1 m in size."""
+    """Return the nodes (1, n, 3) of an element with curved edges, some 0.1 m in size."""
     nodes = elements.KINDS[kind].nodes
     return 0.1 * (nodes + 0.06 * np.random.default_rng(3).uniform(-1.0, 1.0, nodes.shape))[None]
 
@@ -49,8 +49,8 @@ def test_stiffness_is_symmetric_and_only_rigid_motion_is_free(kind, integration,
     scale = abs(K).max()
     assert abs(K - K.T).max() < 1e-14 * scale
     assert abs(K @ rigid_motions(points[0])).max() < 1e-13 * scale
-    # hex20 by 2x2x2 has 8 points with 6 strains: six mechanisms of one element, which a mesh does not share.
-    # wedge6 by two points has one mechanism, which two elements do not share either.
+    # hex20 by 2x2x2 has 8 points with 6 strains: six mechanisms of a single element, but none of a mesh.
+    # wedge6 by two points has one mechanism of a single element, but none of two elements.
     rank = {("hex20", "reduced"): 48, ("hex20", "reduced-both"): 48, ("wedge6", "reduced-both"): 11}.get(
         (kind, integration), len(K) - 6
     )
@@ -60,7 +60,7 @@ def test_stiffness_is_symmetric_and_only_rigid_motion_is_free(kind, integration,
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_mass_of_full_integration_is_positive_definite_the_others_have_the_rank_of_their_points(kind):
+def test_mass_is_positive_definite_with_full_integration_and_else_has_the_rank_of_its_points(kind):
     points = distorted(kind)
     for integration in elements.INTEGRATIONS:
         values = np.linalg.eigvalsh(elements.mass(kind, points, DENSITY, integration)[0])
@@ -73,31 +73,31 @@ def test_mass_of_full_integration_is_positive_definite_the_others_have_the_rank_
 
 @pytest.mark.parametrize("integration", elements.INTEGRATIONS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_mass_and_its_moments_are_those_of_the_body(kind, integration):
-    """A straight element moved rigidly has the inertia of its affine image; 1 x 2 x 3 m as reference."""
+def test_mass_and_its_moments_are_exact(kind, integration):
+    """A straight element, the reference element scaled by 1, 2 and 3, has the exact mass, centre and second moments."""
     reference = elements.KINDS[kind].nodes * [1.0, 2.0, 3.0]
     M = elements.mass(kind, reference[None], DENSITY, integration)[0]
-    family = kind.rstrip("0123456789")
-    volume = {"hex": 8.0, "tet": 1.0 / 6.0, "wedge": 1.0, "pyramid": 4.0 / 3.0}[family] * 6.0
+    shape = kind.rstrip("0123456789")
+    volume = {"hex": 8.0, "tet": 1.0 / 6.0, "wedge": 1.0, "pyramid": 4.0 / 3.0}[shape] * 6.0
     centre = {
         "hex": [0.0, 0.0, 0.0],
         "tet": [0.25, 0.25, 0.25],
         "wedge": [1.0 / 3.0, 1.0 / 3.0, 0.0],
         "pyramid": [0.0, 0.0, 0.25],
-    }[family]
+    }[shape]
     centre = np.array(centre) * [1.0, 2.0, 3.0]
     squares = {"hex": [1.0 / 3.0] * 3, "tet": [0.1] * 3, "wedge": [1.0 / 6.0, 1.0 / 6.0, 1.0 / 3.0], "pyramid": [0.2, 0.2, 0.1]}[
-        family
+        shape
     ]
     assert M.sum() == pytest.approx(DENSITY * volume, rel=1e-14)
     assert M.sum(axis=0) @ reference == pytest.approx(DENSITY * volume * centre, rel=1e-13, abs=1e-9)
-    if kind not in ("tet4", "wedge6") or integration != "reduced-both":  # one point of a face or body knows no second moment
+    if kind not in ("tet4", "wedge6") or integration != "reduced-both":  # a single point has no second moment
         second = np.diag(reference.T @ M @ reference)
         assert second == pytest.approx(DENSITY * volume * np.array(squares) * [1.0, 4.0, 9.0], rel=1e-13)
 
 
 @pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
-def test_stiffness_turns_with_the_element(kind, incompatible_modes):
+def test_stiffness_rotates_with_the_element(kind, incompatible_modes):
     points, Q = distorted(kind), rotation()
     K = elements.stiffness(Solids(kind, points, STEEL, incompatible_modes=incompatible_modes))[0]
     turned = elements.stiffness(Solids(kind, points @ Q.T, STEEL, incompatible_modes=incompatible_modes))[0]
@@ -107,7 +107,7 @@ def test_stiffness_turns_with_the_element(kind, incompatible_modes):
 
 @pytest.mark.parametrize("integration", elements.INTEGRATIONS)
 @pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
-def test_patch_of_distorted_elements_carries_constant_strain(kind, integration, incompatible_modes):
+def test_patch_of_distorted_elements_has_constant_strain(kind, integration, incompatible_modes):
     points, nodes = box(kind.replace("20", "8").replace("10", "4").replace("15", "6").replace("13", "5"))
     inside = ((points > 0.0) & (points < 1.0)).all(axis=1)
     points[inside] += [0.11, -0.07, 0.09]
@@ -120,8 +120,8 @@ def test_patch_of_distorted_elements_carries_constant_strain(kind, integration, 
     exact = points @ gradient.T
     free = dofs(_is_inner(points, nodes, kind))
     u = exact.ravel().copy()
-    held = np.setdiff1d(np.arange(len(u)), free)
-    u[free] = np.linalg.solve(K[free][:, free].toarray(), -K[free][:, held] @ u[held])
+    fixed = np.setdiff1d(np.arange(len(u)), free)
+    u[free] = np.linalg.solve(K[free][:, free].toarray(), -K[free][:, fixed] @ u[fixed])
     assert abs(u - exact.ravel()).max() < 1e-12 * abs(exact).max()
     strain = (gradient + gradient.T) / 2.0
     lam, mu = YOUNG * POISSON / (1.0 + POISSON) / (1.0 - 2.0 * POISSON), YOUNG / 2.0 / (1.0 + POISSON)
@@ -131,7 +131,7 @@ def test_patch_of_distorted_elements_carries_constant_strain(kind, integration, 
 
 
 def _is_inner(points, nodes, kind):
-    """Return (n_points,) bool: no face that belongs to one element only has the point."""
+    """Return (n_points,) bool: the point is on no face that belongs to only one element."""
     rows = [row for _, local in elements.KINDS[kind].faces for row in nodes[:, local]]
     keys = [tuple(sorted(row)) for row in rows]
     counts = {key: keys.count(key) for key in set(keys)}
@@ -141,33 +141,33 @@ def _is_inner(points, nodes, kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_many_elements_at_once_are_the_same_as_each_alone(kind):
+def test_blocks_of_elements_give_the_matrices_of_single_elements(kind):
     points, nodes = box(kind, (3, 3, 4), (1.0, 1.5, 4.0))
     x = bent(points)[nodes]
     K, M = elements.stiffness(Solids(kind, x, STEEL)), elements.mass(kind, x, DENSITY)
     least = elements.jacobian_minimum(kind, x)
     for i in range(0, len(x), 7):
-        alone = x[i : i + 1]
-        assert K[i] == pytest.approx(elements.stiffness(Solids(kind, alone, STEEL))[0], rel=1e-13, abs=1e-14 * K.max())
-        assert M[i] == pytest.approx(elements.mass(kind, alone, DENSITY)[0], rel=1e-13)
-        assert least[i] == pytest.approx(elements.jacobian_minimum(kind, alone)[0], rel=1e-13)
+        single = x[i : i + 1]
+        assert K[i] == pytest.approx(elements.stiffness(Solids(kind, single, STEEL))[0], rel=1e-13, abs=1e-14 * K.max())
+        assert M[i] == pytest.approx(elements.mass(kind, single, DENSITY)[0], rel=1e-13)
+        assert least[i] == pytest.approx(elements.jacobian_minimum(kind, single)[0], rel=1e-13)
 
 
-def test_chunks_cover_all_elements(monkeypatch):
+def test_chunks_give_the_same_matrices(monkeypatch):
     points, nodes = box("hex20", (2, 2, 3))
     x = points[nodes]
-    whole = elements.stiffness(Solids("hex20", x, STEEL)), elements.mass("hex20", x, DENSITY)
+    unchunked = elements.stiffness(Solids("hex20", x, STEEL)), elements.mass("hex20", x, DENSITY)
     monkeypatch.setattr(solid, "_CHUNK_ENTRIES", 5 * 9 * 20**2)
-    parts = elements.stiffness(Solids("hex20", x, STEEL)), elements.mass("hex20", x, DENSITY)
-    assert all(np.allclose(a, b, rtol=1e-13, atol=0.0) for a, b in zip(parts[1:], whole[1:]))
-    assert abs(parts[0] - whole[0]).max() < 1e-14 * whole[0].max()
+    chunked = elements.stiffness(Solids("hex20", x, STEEL)), elements.mass("hex20", x, DENSITY)
+    assert all(np.allclose(a, b, rtol=1e-13, atol=0.0) for a, b in zip(chunked[1:], unchunked[1:]))
+    assert abs(chunked[0] - unchunked[0]).max() < 1e-14 * unchunked[0].max()
     assert elements.stiffness(Solids("hex20", x[:0], STEEL)).shape == (0, 60, 60)
     assert elements.mass("hex20", x[:0], DENSITY).shape == (0, 20, 20)
     assert elements.jacobian_minimum("hex20", x[:0]).shape == (0,)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_jacobian_minimum_is_the_volume_ratio_and_negative_when_turned_inside_out(kind):
+def test_jacobian_minimum_is_the_volume_ratio_and_negative_for_inverted_elements(kind):
     nodes = elements.KINDS[kind].nodes
     stretched = (nodes * [1.0, 2.0, 3.0])[None]
     assert elements.jacobian_minimum(kind, stretched)[0] == pytest.approx(6.0, rel=1e-13)
@@ -179,8 +179,8 @@ def test_jacobian_minimum_is_the_volume_ratio_and_negative_when_turned_inside_ou
         elements.mass(kind, inverted, DENSITY)
 
 
-def test_jacobian_minimum_looks_at_the_nodes_too():
-    """One corner pushed in: det J is positive at every quadrature point and negative at that corner alone."""
+def test_jacobian_minimum_includes_the_nodes():
+    """With a corner moved inwards det J is positive at every quadrature point and negative only at that corner."""
     points = elements.KINDS["hex8"].nodes.copy()
     points[6] = [0.1, 0.1, 0.1]
     assert elements.jacobian_minimum("hex8", points[None])[0] < 0.0
@@ -189,7 +189,7 @@ def test_jacobian_minimum_looks_at_the_nodes_too():
 
 @pytest.mark.parametrize("incompatible_modes", [True, False])
 def test_one_layer_of_hex8_bends_exactly_with_incompatible_modes_and_locks_without(incompatible_modes):
-    """A bar 10 x 1 x 1 of five elements under end moments: w = M x^2 / (2 E I); nu = 0 where it locks."""
+    """A bar 10 x 1 x 1 of five elements under end moments: w = M x^2 / (2 E I); nu = 0 without the modes."""
     points, nodes = box("hex8", (5, 1, 1), (10.0, 1.0, 1.0))
     poisson = 0.3 if incompatible_modes else 0.0
     K, _ = assemble("hex8", points, nodes, YOUNG, poisson, DENSITY, "full", incompatible_modes)
@@ -208,12 +208,12 @@ def test_one_layer_of_hex8_bends_exactly_with_incompatible_modes_and_locks_witho
     w[free] = np.linalg.solve(K[free][:, free].toarray(), force[free])
     deflection = -w[dofs(end & (points[:, 2] == 0.0), "z")].mean()
     exact = 10.0**2 / (2.0 * YOUNG / 12.0)
-    # Without the modes a square-sided element of side ratio 2 is 1 + 2^2 / 2 = 3 times too stiff (parasitic shear).
+    # Without the modes an element of side ratio 2 is 1 + 2^2 / 2 = 3 times too stiff (parasitic shear).
     assert deflection == pytest.approx(exact if incompatible_modes else exact / 3.0, rel=1e-9)
 
 
-def test_wedges_by_two_points_are_held_by_each_other():
-    """The mechanism of one element is none of a mesh: six motions alone are free."""
+def test_a_mesh_of_wedges_by_two_points_has_no_mechanism():
+    """A single element has a mechanism; two elements have only the six rigid motions."""
     points, nodes = box("wedge6", (1, 1, 1), (1.0, 1.5, 2.0))
     K = np.zeros((3 * len(points), 3 * len(points)))
     for element, matrix in zip(nodes, elements.stiffness(Solids("wedge6", points[nodes], STEEL, "reduced-both")), strict=True):
