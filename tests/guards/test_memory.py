@@ -117,7 +117,7 @@ def test_what_is_shared_is_compared_with_the_sum():
     machine, group, own = Limit("the machine", "m", 10.0), Limit("group", "g", 5.0), Limit("own", "r1", 3.0)
     ranks = [[machine, group], [machine, group, own]]
     assert worst(ranks, [2.0, 2.5]) is None
-    assert str(worst(ranks, [3e9, 2.5e9])).startswith("its 2 ranks need 5.5 GB more, but of group 5e-06 MB")
+    assert str(worst(ranks, [3e9, 2.5e9])).startswith("its 2 ranks need 5.5 GB more, but only 5e-06 MB of group")
     assert worst(ranks, [0.5, 3.5]).limit == "own" and worst(ranks, [0.5, 3.5]).n_ranks == 1
     assert worst([[], []], [1e30, 1e30]) is None
 

@@ -24,7 +24,7 @@ def test_one_rank_that_needs_too_much_ends_all(monkeypatch, rank):
     has(monkeypatch, 1e9, shared=False)
     with pytest.raises(
         ResourceError,
-        match="^the modes: not enough memory: one rank needs 2 GB more, but of the test 1 GB are left; state fewer$",
+        match="^the modes: not enough memory: one rank needs 2 GB more, but only 1 GB of the test are left; state fewer$",
     ):
         refuse_beyond(COMM, 2e9 if COMM.rank == rank else 0.0, "the modes", "state fewer")
     refuse_beyond(COMM, 0.9e9, "the modes", "state fewer")

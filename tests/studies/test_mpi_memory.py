@@ -115,13 +115,13 @@ def test_a_run_is_refused_before_each_stage_with_status_4(comm, shared_path, pro
     path = on_root(comm, lambda: write_bar(shared_path, modes=12))
     status, _, errors = program("run", path, "--out", shared_path / "out")
     assert status == 4 and errors.count("microslip: error: ") == 1 and "Traceback" not in errors
-    assert f"{what}" in errors and "1e-06 MB are left" in errors and "more ranks on more machines" in errors
+    assert f"{what}" in errors and "but only 1e-06 MB of the test are left" in errors and "more ranks on more machines" in errors
 
 
 def test_check_warns_where_a_run_would_be_refused(comm, shared_path, program, monkeypatch):
     limited(monkeypatch, lambda: 1e6)
     status, said, _ = program("check", on_root(comm, lambda: write_bar(shared_path)))
-    assert status == 0 and "WARNING: too much for this machine: " in said and "of the test 1 MB are left" in said
+    assert status == 0 and "WARNING: too much for this machine: " in said and "but only 1 MB of the test are left" in said
 
 
 def test_static_columns_are_asked_for_where_they_are_many(comm, monkeypatch):

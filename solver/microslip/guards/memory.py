@@ -26,7 +26,7 @@ class Shortage:
 
     def __str__(self) -> str:
         who = "one rank needs" if self.n_ranks == 1 else f"its {counted(self.n_ranks, 'rank')} need"
-        return f"{who} {gigabytes(self.needed)} more, but of {self.limit} {gigabytes(self.available)} are left"
+        return f"{who} {gigabytes(self.needed)} more, but only {gigabytes(self.available)} of {self.limit} are left"
 
 
 def memory_left(comm: MPI.Comm) -> float:

@@ -427,7 +427,7 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
         raise ResourceError(f"{what}: not enough memory for its factor ({n_dof} unknowns): {lacks}{less}; {ADVICE}")
     write_to_disk(comm, factor.mumps, folder)
     with_what = " with what comes later" if comm.allreduce(later_memory) > 0.0 else ""
-    reason = f" does not fit into memory{with_what} ({lacks})" if lacks else ""
+    reason = f", which does not fit into memory{with_what} ({lacks})," if lacks else ""
     message = f"{what}: its factor of {gigabytes(8.0 * memory.entries)}{reason} is on disk, in {folder}"
     return {"memory": memory, "out_of_core": True, "messages": [message]}
 
