@@ -32,12 +32,13 @@ from microslip.parallel.agree import on_root
 from microslip.restart import folder as restart_folder
 from microslip.restart.branch_files import BranchFiles
 from microslip.restart.columns_file import ColumnsFile
+from microslip.restart.set_up import SetUp
 from microslip.restart.stored_structure import StoredStructure
 from microslip.scene.read import read_scene
 
 KEEPING = (
-    (BranchFiles, "keep"),
-    (BranchFiles, "end"),
+    (BranchFiles, "save"),
+    (BranchFiles, "finish"),
     (ColumnsFile, "_keep"),
     (StoredStructure, "write"),
     (restart_folder.Restart, "finish"),
@@ -71,11 +72,7 @@ def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
     """Return the times of a run: the whole, its set-up, checkpoints, continuation with a cached set-up.  Collective."""
     clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
     patched: list[tuple[Any, str, str]] = [(owner, name, "keeping") for owner, name in KEEPING]
-    patched += [
-        (whole_run, "build", "set-up"),
-        (restart_folder, "identity_of", "identity"),
-        (restart_folder.Restart, "_restored", "going on"),
-    ]
+    patched += [(whole_run, "build", "set-up"), (restart_folder, "identity_of", "identity"), (SetUp, "_restored", "going on")]
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in patched]
     try:
         for owner, name, of in patched:

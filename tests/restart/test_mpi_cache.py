@@ -403,6 +403,21 @@ def test_least_recently_used_set_ups_are_deleted(tmp_path, monkeypatch):
 
 
 @pytest.mark.ranks(1)
+def test_a_set_up_of_a_disc_is_used_where_one_of_its_nodal_diameters_is(tmp_path, monkeypatch):
+    import os
+
+    monkeypatch.setattr(cache, "LARGEST", 2500.0)
+    models = [tmp_path / f"setup-{24 * 'a'}" / f"diameter-{d}" / "model" for d in (0, 1)]
+    models += [tmp_path / f"setup-{24 * letter}" / "model" for letter in "bc"]
+    for model, used in zip(models, (1.0, 3.0, 2.0, 4.0), strict=True):
+        model.parent.mkdir(parents=True)
+        model.write_bytes(bytes(800))
+        os.utime(model, (1e9 + used, 1e9 + used))
+    cache.make_room(tmp_path, tmp_path / f"setup-{24 * 'c'}")
+    assert sorted(path.name[-1] for path in tmp_path.iterdir()) == ["a", "c"]
+
+
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize("links", [True, False])
 def test_files_are_shared_by_links_or_copies(links, tmp_path, monkeypatch):
     if not links:

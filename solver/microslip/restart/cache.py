@@ -13,37 +13,24 @@ import os
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
-from ..formats.model import FileModel
 from ..library.build import Structure
-from ..library.complete import read_completed
-from ..library.settings import reduction_settings
 from ..linear.factor import Factor
-from ..mesh.data import ContactPairs
-from ..mesh.pairing import pair_contacts
-from ..mesh.read import read_mesh
 from ..messages.errors import CaseError, ResourceError
-from ..observe.log import RunLog
 from ..parallel.agree import on_root
-from ..reduction.choose_modes import choose_modes
-from ..scene.schema import Scene
 from .cached_factor import CachedFactor
 from .columns_file import n_pairs_in
 from .records import Arrays
 from .results_folder import is_checkpoint
 from .stored_structure import StoredStructure, extent_of, link_or_copy
-from .structure_arrays import numbers_of
 
 NAME, VARIABLE, OFF = "cache", "MICROSLIP_CACHE", "off"
-WHY = "modes: "  # start of the note that gives the reason for the number of modes
-_LIMITS = ("mu", "N0", "law_columns/mu_y", "law_columns/start")  # columns of pairs that the stuck structure does not depend on
 LARGEST = 4e9  # bytes of the cache, beyond which the least recently used factors and then set-ups are removed
 
 
@@ -60,10 +47,11 @@ class Cache:
     comm: MPI.Comm
     path: Path  # folder of the cache
     key: str  # key of the structure
+    part: str = ""  # folder of a nodal diameter within the entry
 
     @property
     def entry(self) -> Path:
-        """The folder of the structure."""
+        """The folder of the structure, of a disc with all nodal diameters."""
         return self.path / f"setup-{self.key}"
 
     @cached_property
@@ -72,71 +60,51 @@ class Cache:
         return CachedFactor(self.comm, self.entry)
 
     @cached_property
-    def stored(self) -> StoredStructure:
+    def files(self) -> StoredStructure:
         """The files of the structure."""
-        return StoredStructure(self.comm, self.entry, self.factor)
+        return StoredStructure(self.comm, self.entry / self.part, self.factor)
 
-    def structure(self, scene: Scene, log: RunLog) -> tuple[Structure, list[str], Path] | None:
-        """Return the structure for a scene, notes, and the file of its modes; None if the cache has none to use."""
-        stored = on_root(self.comm, self._read)
-        if stored is None:
-            return None
-        arrays, texts = stored
-        with log.stage("structure from the cache"):
-            structure = self.stored.structure((arrays, texts), scene, log)
-            pairs = structure.pairs if texts["is_at_rest"] else pairs_for(scene, structure.pairs, texts["joints"], self.comm)
-            if pairs is None:
-                return None
-            self.stored.columns.restore(structure.statics.G_static, is_known=False)
-            structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(scene))
-        before = [note for note in texts["notes"] if not note.startswith(WHY)]
-        notes = [f"the set-up is that of an earlier run, in {self.entry}", *before, why]
-        return structure, notes, self.entry / texts["modes"]
-
-    def _read(self) -> tuple[Arrays, dict[str, Any]] | None:
-        """Return the stored arrays and texts and mark the entry as used now; remove a damaged entry.  Rank 0."""
+    def read(self) -> tuple[Arrays, dict[str, Any]] | None:
+        """Return the stored arrays and texts and mark them as used now; remove a damaged structure.  Rank 0."""
         with suppress(OSError):
-            stored = self.stored.read()
-            if stored is not None and (self.entry / stored[1]["modes"]).is_file():
-                os.utime(self.stored.model)
+            stored = self.files.read()
+            if stored is not None and (self.files.path / stored[1]["modes"]).is_file():
+                os.utime(self.files.model)
                 return stored
-            if self.stored.model.exists():
-                shutil.rmtree(self.entry, ignore_errors=True)
+            if self.files.model.exists():
+                shutil.rmtree(self.files.path, ignore_errors=True)
         return None
 
-    def share(self, structure: Structure, of_run: StoredStructure, renews: bool, stored: StoredStructure | None = None) -> str:
-        """Store a structure unless the cache has the same extent already; return an error message or nothing.
+    def share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> str:
+        """Store a structure unless the cache has the same extent already; return an error message or nothing."""
+        return self._tried(self._share, structure, of_run, renews)
 
-        ``stored``: its files in the cache; for a disc the files of a nodal diameter.
-        """
-        return self._tried(lambda: self._share(structure, of_run, renews, stored or self.stored))
-
-    def _share(self, structure: Structure, of_run: StoredStructure, renews: bool, stored: StoredStructure) -> None:
-        cached = None if renews else stored.read()
+    def _share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> None:
+        cached = None if renews else self.files.read()
         if cached is None or cached[1]["extent"] != extent_of(structure):
-            stored.copy_from(of_run)
+            self.files.copy_from(of_run)
             make_room(self.path, self.entry)
 
-    def share_columns(self, journal: Path, stored: StoredStructure | None = None) -> str:
+    def share_columns(self, journal: Path) -> str:
         """Store the static columns of a run if they are more than the cached ones; return an error message or nothing."""
-        return self._tried(lambda: self._link_columns(journal, stored or self.stored))
+        return self._tried(self._link_columns, journal)
 
-    def _link_columns(self, journal: Path, stored: StoredStructure) -> None:
-        columns = stored.columns.path
-        if stored.model.is_file() and n_pairs_in(journal) > n_pairs_in(columns):
+    def _link_columns(self, journal: Path) -> None:
+        columns = self.files.columns.path
+        if self.files.model.is_file() and n_pairs_in(journal) > n_pairs_in(columns):
             link_or_copy(journal, columns)
             make_room(self.path, self.entry)
 
     def share_factor(self, factor: Factor) -> str:
         """Store a factor for later runs; return an error message or nothing."""
-        return self.factor.keep(factor) or self._tried(lambda: make_room(self.path, self.entry))
+        return self.factor.keep(factor) or self._tried(make_room, self.path, self.entry)
 
-    def _tried(self, write: Callable[[], None]) -> str:
+    def _tried(self, write: Callable[..., None], *arguments: object) -> str:
         """Write on rank 0; return the error message or nothing, on every rank."""
 
         def tried() -> str:
             try:
-                write()
+                write(*arguments)
             except (CaseError, ResourceError, OSError) as problem:
                 return f"the set-up is not stored for other runs: {problem}"
             return ""
@@ -167,37 +135,7 @@ def size_of(folder: Path) -> int:
 
 
 def _used(entry: Path) -> float:
-    """Return the time of the last use of a set-up; 0 without a model."""
+    """Return the time of the last use of a set-up, of a disc of a nodal diameter of it; 0 without a model."""
     with suppress(OSError):
-        return (entry / "model").stat().st_mtime
+        return max((model.stat().st_mtime for model in entry.rglob("model")), default=0.0)
     return 0.0
-
-
-# -- the pairs of another friction or preload ----------------------------------------------------------------------
-
-
-def joints_of(scene: Scene) -> list[dict[str, Any]]:
-    """Return the joints of a scene as stated, as JSON values.  Local."""
-    return [joint.model_dump(mode="json", exclude_unset=True) for joint in scene.joints]
-
-
-def pairs_for(scene: Scene, cached: ContactPairs, joints: list[dict[str, Any]], comm: MPI.Comm) -> ContactPairs | None:
-    """Return the cached contact pairs with the limits of a scene; None if other properties differ.
-
-    Collective.
-    """
-    if joints == joints_of(scene):
-        return cached
-    if scene.model.mesh is None:
-        return None
-    file, completed, _ = read_completed(scene, comm)
-    return on_root(comm, _paired, completed, file, cached)
-
-
-def _paired(scene: Scene, file: FileModel | None, cached: ContactPairs) -> ContactPairs | None:
-    """Return newly paired contact pairs of a scene if their springs and places equal the cached ones.  Rank 0."""
-    pairs = pair_contacts(read_mesh(scene, file), scene.joints, scene.cyclic)
-    mine, other = ({k: v for k, v in numbers_of(which).items() if k not in _LIMITS} for which in (pairs, cached))
-    same = mine.keys() == other.keys() and all(np.array_equal(mine[key], other[key], equal_nan=True) for key in mine)
-    same = same and pairs.joint == cached.joint and np.array_equal(pairs.laws, cached.laws)
-    return pairs if same and np.array_equal(pairs.law.stiffness, cached.law.stiffness) else None

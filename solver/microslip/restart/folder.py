@@ -1,7 +1,7 @@
 """The folder with the checkpoints of a run.
 
     restart/identity         the inputs of the last run
-    restart/setup-KEY/       the stuck structure: stored_structure.py
+    restart/setup-KEY/       the stuck structure: set_up.py, stored_structure.py
     restart/level-KEY/       of; points.S, state.S.0, state.S.1, end.S of each segment S of a level, peak, bifurcation
     restart/over-KEY/        points.0, state.0.0, state.0.1, end.0 of a curve of peaks over a number
     restart/mode-KEY/        the same of a nonlinear mode
@@ -15,9 +15,8 @@ import hashlib
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -25,21 +24,19 @@ from mpi4py import MPI
 from ..continuation.checkpointer import Checkpointer, Checkpointers
 from ..library.build import Structure
 from ..library.peak_curves import numbers_of
-from ..library.prepare import Prepared, prepare, put_basis
+from ..library.prepare import Prepared, prepare
 from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
 from ..points.sweep import Sweep
-from ..reduction.reduction import Basis
 from ..scene.schema import Scene
 from ..system.files import file_errors, make_folder
 from .branch_files import BranchFiles
-from .cache import Cache, joints_of
+from .cache import Cache
 from .identity import Identity, identity_of
-from .records import Arrays, Disk, checked_read, read_record, write_record, write_unsynced
+from .records import Disk, checked_read, read_record, write_record, write_unsynced
 from .results_folder import RESULTS, TABLE, UNFINISHED, is_checkpoint
+from .set_up import SetUp
 from .stored_disc import StoredDisc
-from .stored_structure import StoredStructure
-from .structure_arrays import basis_of
 
 NAME = "restart"
 _FILES = ("identity", "done")
@@ -72,7 +69,7 @@ class Restart:
     fresh: bool = False  # no checkpoint is used
     _used: set[str] = field(default_factory=set)  # names of folders that this run has used; on rank 0
     _disk: Disk = field(default_factory=Disk)  # of all journals
-    _discs: list[StoredDisc] = field(default_factory=list)  # discs of equal sectors prepared by this run
+    _set_ups: list[SetUp] = field(default_factory=list)  # of this run
 
     @classmethod
     def open(
@@ -94,84 +91,32 @@ class Restart:
         """Return a copy with further notes in front.  Local."""
         return replace(self, notes=(*more, *self.notes))
 
-    @property
-    def _is_disc(self) -> bool:
-        """Whether the structure has one part for each nodal diameter."""
-        return self.scene.cyclic is not None and not self.scene.cyclic.whole
-
     # -- the structure -----------------------------------------------------------------------------------------------
-
-    @cached_property
-    def _stored(self) -> StoredStructure:
-        """The files of the structure in this folder."""
-        factor = None if self.cache is None else self.cache.factor
-        return StoredStructure(self.comm, self.path / f"setup-{self.identity.setup}", factor, self._disk)
 
     def prepared(self, log: RunLog, build: Callable[[], Structure]) -> Prepared:
         """Return the prepared structure, from this folder, from the cache or by ``build``; in the latter cases it is stored."""
-        self._used.add(self._stored.path.name)
-        if self._is_disc:
-            disc = StoredDisc(self.comm, self._stored.path, self.scene, log, self._disk, self.cache, self.fresh)
-            self._discs.append(disc)
-            of_disc = disc.structure()
-            with log.stage("reduction"):
-                return prepare(of_disc)
-        if self.scene.cyclic is not None:  # all sectors, which may differ: built again
-            whole = build()
-            with log.stage("reduction"):
-                return prepare(whole)
-        before, modes = len(log.notes), None
-        structure = self._restored(log)
-        is_stored, cached = structure is not None, None
-        if structure is None:
-            cached = None if self.cache is None or self.fresh else self.cache.structure(self.scene, log)
-            structure, notes, modes = cached if cached is not None else (build(), log.notes[before:], None)
-            for note in notes if cached is not None else ():
-                log.note(note)
+        path, cyclic = self.path / f"setup-{self.identity.setup}", self.scene.cyclic
+        self._used.add(path.name)
+        set_up = SetUp(self.comm, path, self.cache, self.scene, log, self._disk, self.fresh)
+        if cyclic is None:
+            self._set_ups = [set_up]
+            structure = set_up.structure(build)
+        elif cyclic.whole:  # its sectors may differ: built again
+            structure = build()
+        else:
+            disc = StoredDisc(set_up)
+            self._set_ups, structure = disc.set_ups, disc.structure()
         with log.stage("reduction"):
             prepared = prepare(structure)
-        if not is_stored:
-            self._store(prepared, notes[1:] if cached else notes, modes, log)
-        self._stored.columns.follow(structure.statics.G_static)
+        if cyclic is None:
+            set_up.store(structure, prepared.reduction.basis)
         return prepared
 
-    def _restored(self, log: RunLog) -> Structure | None:
-        """Return the structure of this folder and repeat its notes; None if there is none."""
-        stored = on_root(self.comm, self._stored.read)
-        if stored is None:
-            return None
-        with log.stage("structure from this folder"):
-            structure, basis = checked_read(self._stored.path, self._structure_and_basis, stored, log)
-            if basis is not None:
-                put_basis(structure, basis)
-            if self.cache is not None:
-                self.cache.stored.columns.restore(structure.statics.G_static, is_known=False)
-            self._stored.columns.restore(structure.statics.G_static, is_known=True)
-        for note in stored[1]["notes"]:
-            log.note(note)
-        return structure
-
-    def _structure_and_basis(self, stored: tuple[Arrays, dict[str, Any]], log: RunLog) -> tuple[Structure, Basis | None]:
-        return self._stored.structure(stored, self.scene, log), basis_of(*stored)
-
-    def _store(self, prepared: Prepared, notes: list[str], modes: Path | None, log: RunLog) -> None:
-        """Store a structure in this folder and in the cache; ``modes`` is the file of its modes if they were not computed."""
-        structure = prepared.structure
-        more = {"notes": notes, "joints": joints_of(structure.scene), "is_at_rest": structure.scene.statics is not None}
-        modes = modes if structure.factored.value is None else None
-        self._stored.write(structure, prepared.reduction.basis, modes, more)
-        if self.cache is not None and (problem := self.cache.share(structure, self._stored, self.fresh)):
-            log.note(problem)
-
     def share_columns(self, log: RunLog) -> None:
-        """Store the static columns of this run in the cache; for a disc all data of its nodal diameters."""
-        for disc in self._discs:
-            disc.finish()
-        if self.scene.cyclic is not None:
-            return
-        problem = "" if self.cache is None else self.cache.share_columns(self._stored.columns.path)
-        if problem:
-            log.note(problem)
+        """Store the static columns of this run in the cache, and structures that have more data than before again."""
+        for set_up in self._set_ups:
+            if problem := set_up.share_columns():
+                log.note(problem)
 
     def share_factor(self, prepared: Prepared, log: RunLog) -> None:
         """Store the factor in the cache, if this run has one that the cache lacks."""

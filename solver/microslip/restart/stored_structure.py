@@ -31,12 +31,14 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..reduction.enriched_model import COUPLED, SAMPLED
 from ..reduction.reduction import Basis
-from ..reduction.stuck import Factored, OnDemand
+from ..reduction.stuck import Factored, ModesOf, OnDemand
 from ..scene.schema import Scene
 from ..system.files import make_folder
 from .columns_file import ColumnsFile
 from .records import Arrays, Disk, read_record, write_record
 from .structure_arrays import structure_of, to_arrays
+
+Large = Callable[[ModesOf], Factored]  # computes the large parts of a structure whose modes are read; collective
 
 
 class StoredStructure:
@@ -57,11 +59,7 @@ class StoredStructure:
         return read_record(self.model)
 
     def structure(
-        self,
-        stored: tuple[Arrays, dict[str, Any]],
-        scene: Scene,
-        log: RunLog,
-        large: Callable[[Callable[[Linearised], Modes]], Factored] | None = None,
+        self, stored: tuple[Arrays, dict[str, Any]], scene: Scene, log: RunLog, large: Large | None = None
     ) -> Structure:
         """Return the structure of arrays and texts, the same on every rank.  Local.
 
@@ -87,9 +85,7 @@ class StoredStructure:
         parts = None if record is None else real_columns(record)
         return Modes(omega_n, complex_columns(from_user_order(linearised, parts)), proof)
 
-    def write(
-        self, structure: Structure, basis: Basis | None, modes: Path | None = None, more: dict[str, Any] | None = None
-    ) -> None:
+    def write(self, structure: Structure, basis: Basis | None, modes: Path | None, more: dict[str, Any]) -> None:
         """Write a structure, with ``more`` texts; ``modes`` is the file of its modes, None: they are written.  Collective."""
         phi = None
         if modes is None:
@@ -97,7 +93,7 @@ class StoredStructure:
         on_root(self.comm, self._write, structure, basis, phi, modes, more, share=False)
 
     def _write(
-        self, structure: Structure, basis: Basis | None, phi: np.ndarray | None, modes: Path | None, more: dict[str, Any] | None
+        self, structure: Structure, basis: Basis | None, phi: np.ndarray | None, modes: Path | None, more: dict[str, Any]
     ) -> None:
         """Write the modes, then the model that names them.  Rank 0."""
         make_folder(str(self.path))
@@ -108,7 +104,7 @@ class StoredStructure:
         elif phi is not None:
             write_record(self.path / name, {"phi": phi})
         arrays, texts = to_arrays(structure, basis)
-        write_record(self.model, arrays, {**texts, "modes": name, "extent": extent_of(structure), **(more or {})})
+        write_record(self.model, arrays, {**texts, "modes": name, "extent": extent_of(structure), **more})
         self._remove_other_modes(name)
 
     def copy_from(self, other: StoredStructure) -> None:
