@@ -15,6 +15,8 @@ from microslip.library.complete import complete
 from microslip.mesh.read import read_mesh
 from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import scene_of
+from microslip.studies.check.model_mesh import whole_mesh
+from microslip.tables.units import UNITS
 
 mapdl_archive = pytest.importorskip("mapdl_archive")
 
@@ -434,6 +436,7 @@ def test_unblocked_archives_give_the_same_model(tmp_path):
     block = [f"{int(node):9d}{label:<6s}{0.0:16.9f}{0.0:16.9f}" for _, node, label, *_ in supports]
     at = next(i for i, line in enumerate(lines) if line.startswith("MPDATA"))
     more = [f"DBLOCK,{len(block)}", "(i9,a6,2(pg16.9))", *block, "       -1", "DMPOPT,FULL,NO", "NLDIAG,NRRE,OFF"]
+    more += ["CSCIR,      12,       0,       0", "FC,1,S,XTEN,2.0e9"]
     more += ["MP,UVID,1,fc4313a1-c4ae-43af-b253-ad2923dee743", "MP,UMID,1,7f", "SFEBLOCK,1,PRES,1,1,0", "(i9,i4,i4,6(pg20.9))"]
     more += [f"{1:9d}{4:4d}{1:4d}{2.0:20.9f}", "       -1"]
     blocked, model = (read_model(written(tmp_path, text=each)) for each in (text, "\n".join([*lines[:at], *more, *lines[at:]])))
@@ -454,6 +457,14 @@ def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):
     text = re.sub(r"^ET,(\s*\d+),\s*\d+", r"ET,\1,87", cdb(plain()), flags=re.MULTILINE)
     with pytest.raises(MeshError, match="none of its elements are solids .*: 6 of type 87, not known to this program"):
         read_model(written(tmp_path, text=text))
+
+
+@pytest.mark.parametrize("number, effect", [(181, "a shell"), (200, "a mesh that is not solved")])
+def test_a_file_without_solids_names_its_elements(tmp_path, number, effect):
+    text = re.sub(r"^ET,(\s*\d+),\s*\d+", rf"ET,\1,{number}", cdb(plain(), ("UNHEARD,1",)), flags=re.MULTILINE)
+    path = written(tmp_path, text=text)
+    with pytest.raises(MeshError, match=rf"no volume elements \(6 elements of ET 1, 2: element type {number}, {effect}\)"):
+        whole_mesh(str(path), read_model(path), UNITS["m-kg-s"])
 
 
 @pytest.mark.parametrize("kind, number", [("hex8", 225), ("hex20", 226), ("tet10", 227)])

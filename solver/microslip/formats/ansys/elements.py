@@ -106,13 +106,15 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
     bodies: dict[str, Body] = {}
     orientations: dict[str, Orientation] = {}
     sides: list[Side] = []
+    others: dict[tuple[int, str | None], tuple[int, list[int]]] = {}  # elements and ETs of a type, and why it is no solid here
     for number in np.unique(kind):
         type_number = content.types.get(int(number), 0)
         solid = solid_of(type_number, content.keys.get(int(number), {}))
         rows_of_type = kind == number
         if not isinstance(solid, Solid):
             if type_number not in (*CONTACT, TARGET):
-                _report_type(content, int(number), type_number, solid, int(rows_of_type.sum()))
+                n, of_types = others.get((type_number, solid), (0, []))
+                others[type_number, solid] = (n + int(rows_of_type.sum()), [*of_types, int(number)])
             for value in np.unique(real[rows_of_type]) if type_number in (154, *CONTACT, TARGET) else ():
                 members = rows_of_type & (real == value)
                 rows = _rows(flat, start, n_nodes, members, 8)
@@ -141,6 +143,8 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
                     integration=solid.integration,
                     incompatible_modes=solid.incompatible_modes,
                 )
+    for (type_number, why), (n, of_types) in others.items():
+        _report_type(content, of_types, type_number, why, n)
     report_contacts(content, sides)
     _refuse_without_solids(content, kind)
     return cells, bodies, orientations
@@ -200,12 +204,13 @@ def _add_cells(groups: dict[str, Group], name: str, cells: list[Cells], made: li
         groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(block.nodes)))
 
 
-def _report_type(content: Content, number: int, type_number: int, why: str | None, n: int) -> None:
-    """Report elements that are not solids here."""
+def _report_type(content: Content, of_types: list[int], type_number: int, why: str | None, n: int) -> None:
+    """Report elements that are not solids here; ``of_types``: the numbers of their ETs."""
     if type_number in (14, 21):
         return  # springs and masses: _attached
     effect, changes = EFFECTS.get(type_number, (_UNKNOWN, True))
     if why is not None:
         effect, changes = f"{why}, {_MISSING}", True
     word = f"element type {type_number}" if type_number else "element without ET"
-    content.findings.add(word, f"{counted(n, 'element')} of ET {number}", effect, changes)
+    named = ", ".join(map(str, of_types[:3])) + (", …" if len(of_types) > 3 else "")
+    content.findings.add(word, f"{counted(n, 'element')} of ET {named}", effect, changes)
