@@ -147,7 +147,7 @@ def test_materials_bodies_and_supports_of_the_commands_complete_the_scene(tmp_pa
 )
 def test_commands_that_change_the_answer_are_refused_unless_ignored(tmp_path, command, message):
     path = written(tmp_path, plain(), command)
-    with pytest.raises(CaseError, match=f"(?s)1 entries are not modelled.*line [0-9]+: {message}"):
+    with pytest.raises(CaseError, match=f"(?s)1 entry is not modelled.*line [0-9]+: {message}"):
         complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), read_model(path))
     word = command.split(",")[0]
     complete(scene_of(tables("model.cdb", ignore=(word,)), tmp_path / "s.toml"), read_model(path))

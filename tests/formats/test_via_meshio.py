@@ -98,6 +98,21 @@ def test_texts_in_field_data_are_ignored(name):
     assert set(model.groups) == {"body=1", "body=2"} and model.fields["T"].tolist() == np.repeat([0.0, 1.0, 2.0], 4).tolist()
 
 
+@pytest.mark.parametrize("kind, letters", [("int", ">i4"), ("unsigned_char", "u1"), ("vtktypeint64", ">i8")])
+def test_binary_files_of_vtk_9_with_groups(tmp_path, kind, letters):
+    """Format 5.1 as VTK and pyvista write it by default: two tetrahedra with an integer each, and metadata behind arrays."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1]], dtype=">f8")
+    metadata = b"\nMETADATA\nINFORMATION 0\n\n"
+    parts = [b"# vtk DataFile Version 5.1\nvtk output\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n", points.tobytes()]
+    parts += [metadata, b"CELLS 3 8\nOFFSETS vtktypeint64\n", np.array([0, 4, 8], dtype=">i8").tobytes()]
+    parts += [b"\nCONNECTIVITY vtktypeint64\n", np.array([0, 1, 2, 3, 0, 2, 1, 4], dtype=">i8").tobytes()]
+    parts += [b"\nCELL_TYPES 2\n", np.array([10, 10], dtype=">i4").tobytes(), b"\nCELL_DATA 2\nFIELD FieldData 1\n"]
+    parts += [f"body 1 2 {kind}\n".encode(), np.array([1, 2], dtype=letters).tobytes(), metadata]
+    (tmp_path / "m.vtk").write_bytes(b"".join(parts))
+    model = read_model(tmp_path / "m.vtk")
+    assert model.cells[0].nodes.tolist() == [[0, 1, 2, 3], [0, 2, 1, 4]] and set(model.groups) == {"body=1", "body=2"}
+
+
 def test_an_unsupported_compression_is_named(tmp_path):
     path = tmp_path / "one.vtu"
     path.write_bytes((DATA / "pyvista.vtu").read_bytes().replace(b"vtkZLibDataCompressor", b"vtkLZ4DataCompressor"))

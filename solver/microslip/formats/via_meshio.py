@@ -113,7 +113,7 @@ def load_meshio():
     """Return meshio, with quadratic wedges and pyramids added to its tables if they are missing.  Local.
 
     Version 5.3 reads the nodes of these cells, but they are missing in its table of dimensions, and it has no public way to add
-    a kind.  For files of VTK's format 4 it also lacks the integer types of VTK 9, which its reader of format 5 knows.
+    a kind.  Its tables of types for VTK's formats 4 and 5.1 each lack some of the other's, and "int" of 5.1 has 8 bytes there.
 
     Raises
     ------
@@ -130,7 +130,9 @@ def load_meshio():
                 raise MeshError(f"meshio {meshio.__version__} has no cells {kind}; install meshio 5.3") from None
             dimensions[kind] = 3
     older, newer = (getattr(getattr(meshio.vtk, f"_vtk_{version}", None), "vtk_to_numpy_dtype_name", {}) for version in (42, 51))
-    older.update({name: newer[name] for name in newer.keys() - older.keys()})
+    both = {**newer, **older}
+    older.update(both)
+    newer.update(both)
     return meshio
 
 

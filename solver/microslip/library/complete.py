@@ -186,8 +186,9 @@ def _refuse_findings(scene: Scene, model: FileModel, file_parts: set[str]) -> li
         raise CaseError(
             "\n  ".join(
                 [
-                    f"{scene.folder / (scene.model.mesh or '')}: {len(wrong)} entries are not modelled and would change the "
-                    f"answer; state what they mean in the scene, or leave them out on purpose: [model] ignore takes {words}",
+                    f"{scene.folder / (scene.model.mesh or '')}: {counted(len(wrong), 'entry')} {verb(len(wrong), 'are')} not "
+                    "modelled and would change the answer; state in the scene what is meant, or leave it out on purpose: "
+                    f"[model] ignore takes {words}",
                     *lines,
                     *more,
                 ]

@@ -305,7 +305,7 @@ def _report(content: Content) -> None:
     cards, findings = content.cards, content.findings
     for word, n in sorted(cards.card_count.items()):
         if word not in HARMLESS and word not in SHELLS and not re.match(r"P(SHELL|COMP|LPLANE)", word):
-            findings.add(word, f"{n} cards", EFFECTS.get(word, "not known to this program"), part=PARTS.get(word, ""))
+            findings.add(word, counted(n, "card"), EFFECTS.get(word, "not known to this program"), part=PARTS.get(word, ""))
     stiff = {pid for pid, card in cards.properties.items() if card.type in ("PSHELL", "PCOMP", "PCOMPG")}
     n_shells = sum(element.type in SHELLS and element.pid in stiff for element in cards.elements.values())
     if n_shells:
