@@ -369,7 +369,7 @@ def test_grdset_supports_grid_points_and_a_set_that_is_not_selected_is_reported(
     assert [(finding.effect, finding.is_taken, finding.changes) for finding in from_file.findings if finding.word == "SPC"] == [
         (message, True, False)
     ]
-    assert passed_over(from_file.findings) == [f"taken over SPC 1: SPC: {message}"]
+    assert passed_over(from_file) == [f"taken over SPC 1: SPC: {message}"]
 
 
 def test_ranges_of_an_spc1_may_include_missing_grid_points(tmp_path):
@@ -438,7 +438,7 @@ def test_cylindrical_systems_of_position_and_displacement(tmp_path):
 )
 def test_cards_that_change_the_answer_are_refused_unless_ignored(tmp_path, card, message):
     path = written(tmp_path, plain(), card)
-    with pytest.raises(CaseError, match=f"(?s)1 entries are not modelled.*{message}"):
+    with pytest.raises(CaseError, match=f"(?s)1 entry is not modelled.*{message}"):
         complete(scene(tmp_path), read_model(path))
     complete(scene(tmp_path, ignore=(card.split(",")[0],)), read_model(path))
 

@@ -1,5 +1,7 @@
 """What `check` lists of a model file and draws of it, and which units it suspects."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from box_meshes import box, joint, mesh_of, settings
@@ -52,6 +54,14 @@ def test_all_that_a_file_states_is_listed(tmp_path):
     assert "units suspected" not in text and "picture" not in text
 
 
+def test_loads_at_rest_that_a_scene_takes_over_are_not_to_be_answered(tmp_path):
+    steps = ("*Step, name=Press", "*Static", "*Cload", "PLATE_TOP, 3, -2.0", "*End Step")
+    vibration = ("*Step, perturbation", "*Frequency", "4,", "*End Step")
+    (tmp_path / "m.inp").write_text(inp(plain(), (*steps, *vibration)))
+    text = said(tmp_path / "m.inp")
+    assert "at rest    1 force of step 1, in a scene [statics]" in text and "to answer" not in text
+
+
 def test_materials_with_axes_are_listed(tmp_path):
     """The first instance is turned by a right angle, and its axes with it."""
     elastic = "*Elastic\n210000000000.0, 0.3\n"
@@ -101,7 +111,7 @@ def test_a_mesh_in_millimetres_is_suspected_with_its_weight():
 def test_findings_that_repeat_stand_once_and_long_lists_end():
     findings = [Finding(word="CBAR", where=f"CBAR {i}", effect="a bar", changes=True) for i in range(50)]
     findings += [Finding(word="PLOTEL", where="PLOTEL 1", effect="a line that is drawn", changes=False)]
-    assert content.passed_over(tuple(findings)) == [
+    assert content.passed_over(SimpleNamespace(findings=tuple(findings), statics=None)) == [
         "to answer  CBAR 0: CBAR: a bar (50 times)",
         "left out   PLOTEL 1: PLOTEL: a line that is drawn",
     ]

@@ -6,10 +6,10 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from ... import elements
-from ...formats.model import FileModel, Finding
+from ...formats.model import FileModel
 from ...mesh.data import Mesh
 from ...mesh.skin import faces_of_group, skin_of_mesh
-from ...messages.words import counted, place
+from ...messages.words import counted, listed, place
 from ...tables.joint import Joint
 from ...tables.structure import TAKEN, Body, Material, Orientation
 from ...tables.units import Units
@@ -160,8 +160,18 @@ def _joint(joint: Joint, units: Units) -> str:
     return f"{joint.name}: {' on '.join(joint.surfaces or ())}, {', '.join(parts)}"
 
 
-def passed_over(findings: tuple[Finding, ...]) -> list[str]:
-    """Return a line for each finding; findings that change the answer come first.  Local."""
+def loads_at_rest(file: FileModel) -> list[str]:
+    """Return a line on the loads at rest that a scene takes over.  Local."""
+    statics = file.statics
+    if statics is None or not statics.acts:
+        return []
+    return table("at rest", [f"{listed(statics.kinds, 'and')} of step {statics.step}, in a scene [statics]"])
+
+
+def passed_over(file: FileModel) -> list[str]:
+    """Return a line for each finding that no scene answers by taking loads over; those that change the answer first.  Local."""
+    answered = set() if file.statics is None else {file.statics.word, file.statics.large}
+    findings = [finding for finding in file.findings if finding.word not in answered]
     headed = [("to answer" if each.changes else "taken over" if each.is_taken else "left out", each) for each in findings]
     counts = Counter((each.word, each.effect, heading) for heading, each in headed)
     first: dict[tuple[str, str, str], str] = {}

@@ -68,7 +68,8 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTab
         *content.axes(file.orientations, file.bodies, UNITS[units].length),
         *content.groups(mesh, settings.bodies),
         *content.attached(file, UNITS[units]),
-        *content.passed_over(file.findings),
+        *content.loads_at_rest(file),
+        *content.passed_over(file),
         f"next       microslip new {quote(path)}",
     ]
 
