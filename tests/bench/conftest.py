@@ -1,4 +1,4 @@
-"""The benchmarks are scripts beside each other in jobs/bench; the tests import them as they import each other."""
+"""The benchmarks are scripts in jobs/bench that import each other; the tests import them in the same way."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Runs of two versions are read from their logs and put side by side."""
+"""Runs of two versions are read from their logs and compared in a table."""
 
 from compare_commits import read, table
 
@@ -12,7 +12,7 @@ total                                       18.019 100.0%                       
 """
 
 
-def test_two_versions_side_by_side():
+def test_two_versions_are_compared():
     before, now = (read(LOG.format(modes=modes), whole) for modes, whole in (("10.00", 30.0), (" 5.00", 15.0)))
     assert now.seconds == {"assembly": 0.965, "modes": 5.0, "whole": 15.0} and now.memory == 2332.0
     assert now.peaks[1] == ("15 N", "89", "2.8028e-02 m", "99.17562 Hz")

@@ -1,4 +1,4 @@
-"""The synthetic joint is a structure, slips as asked, and its costs add up."""
+"""The synthetic joint is passive, slips as requested, and its costs add up."""
 
 import json
 import subprocess
@@ -30,7 +30,7 @@ def test_synthetic_joint_is_passive_and_its_compliance_decays_with_distance():
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_the_share_of_pairs_asked_for_slips(share):
+def test_the_requested_share_of_pairs_slips(share):
     problem = joint_problem(joint_model(COMM, 40, 2), share, n_samples=64)
     points = at_frequencies(problem, AllPairs(), frequencies(3), tolerance=1e-8).points
     assert [np.count_nonzero(point.state) for point in points] == 3 * [40 * share]
@@ -44,7 +44,7 @@ def test_costs_of_the_parts_add_up():
     assert computed["calls"]["G p"] >= computed["krylov"] >= computed["newton"] > 1
 
 
-def test_one_measurement_is_a_command():
+def test_a_measurement_runs_as_a_command():
     script = Path(costs.__file__).with_name("cost_measurement.py")
     request = {"kind": "joint", "n_pairs": 8, "share": 0.5, "H": 1, "points": 2}
     process = subprocess.run([sys.executable, str(script), json.dumps(request)], stdout=subprocess.PIPE, text=True, check=True)

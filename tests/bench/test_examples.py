@@ -1,4 +1,4 @@
-"""The examples of jobs/examples in small, against closed forms."""
+"""The examples of jobs/examples at small size, compared with closed forms."""
 
 import sys
 from pathlib import Path
@@ -34,8 +34,8 @@ def mass(tmp_path):
         yield structure
 
 
-def test_the_best_damper_of_one_mass_is_the_closed_form(mass):
-    """Friction and normal force act by their product alone: the limit at which the peak of the level is least."""
+def test_the_optimal_damper_of_one_mass_has_its_closed_form(mass):
+    """The result depends on the product of friction and normal force: the limit with the smallest peak of the level."""
     least = minimize_scalar(lambda limit: exact.jenkins_peak(LEVEL, limit, C), bounds=(0.1, 2.0), method="bounded")
     best = best_damper(mass, [LEVEL], (0.3, 1.0))
     assert np.exp(best.x.sum()) == pytest.approx(least.x, rel=0.03)
@@ -43,7 +43,7 @@ def test_the_best_damper_of_one_mass_is_the_closed_form(mass):
 
 
 @pytest.mark.study
-def test_its_slopes_are_differences(mass):
+def test_slopes_of_the_optimal_damper_agree_with_differences(mass):
     levels, h = [0.6, LEVEL], 0.01
     value, slope = mean_of_peaks(mass, levels, 0.4, 1.2)
     ends = [[mean_of_peaks(mass, levels, *at)[0] for at in ends] for ends in (
@@ -53,8 +53,8 @@ def test_its_slopes_are_differences(mass):
     assert min(min(pair) for pair in ends) < value < max(max(pair) for pair in ends)
 
 
-def test_blades_without_coupling_pass_the_limit_with_the_largest_load(tmp_path):
-    """Sectors that meet in shrouds of no stiffness move each by its own load: the worst blade has the largest factor 1 + scatter z."""
+def test_uncoupled_blades_exceed_the_limit_with_the_largest_load(tmp_path):
+    """Sectors whose shrouds have no stiffness move independently: the worst blade has the largest factor 1 + scatter z."""
     N, n_discs, limit = 4, 3, 1.05
     end = (
         "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nmode = 1\nspan = [0.97, 1.03]\npoints = 10\n"

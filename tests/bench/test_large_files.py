@@ -1,4 +1,4 @@
-"""The files of the benchmark of large files are what their readers take them for."""
+"""The files of the benchmark of large files are read as the intended model."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ PACKAGES = {"cdb": "mapdl_archive", "bdf": "pyNastran", "vtu": "meshio"}
 
 
 @pytest.mark.parametrize("ending", WRITERS)
-def test_every_format_is_the_same_two_blocks(tmp_path, ending):
+def test_every_format_has_the_same_two_blocks(tmp_path, ending):
     pytest.importorskip(PACKAGES.get(ending, "numpy"))
     model, path = blocks(200, 25), tmp_path / f"large.{ending}"
     WRITERS[ending](model, path)

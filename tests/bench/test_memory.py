@@ -1,4 +1,4 @@
-"""What the benchmark of memory reads of check and run.log."""
+"""The benchmark of memory reads the output of check and run.log."""
 
 import memory
 import pytest

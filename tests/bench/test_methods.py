@@ -1,4 +1,4 @@
-"""The drivers of the benchmark solve the same equations: every method meets every other one on small systems."""
+"""The benchmark programs of all methods solve the same equations: all methods agree on small systems."""
 
 import csv
 from dataclasses import replace
@@ -83,7 +83,7 @@ def test_dense_solution():
     assert solve_dense(A.copy(), b) == pytest.approx(np.linalg.solve(A, b), rel=1e-10)
 
 
-def test_newton_that_does_not_converge_says_so():
+def test_newton_without_convergence_reports_a_failure():
     problem, _ = chain_problem(30.0)
     correction = CondensedFullSet(problem, 1e-300).correct(methods.linear_iterate(problem, 560.0), 1.0)
     assert correction.failure is not None
@@ -116,10 +116,10 @@ def two_boxes(n_modes):
 
 
 @pytest.mark.parametrize("level", [0.05, 4.0])
-def test_plain_rubin_meets_receptance_and_comes_closer_with_more_modes(level):
+def test_plain_rubin_converges_to_receptance_with_more_modes(level):
     structure, _, model = two_boxes(135)  # all modes: exact
     pairs = structure.pairs
-    N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)  # the others hold the upper box
+    N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)  # every second pair supports the upper box
     problem = forced(model, replace(pairs.law, N0=N0), 64, level)
     omegas = model.omega_n[0] * np.linspace(0.96, 1.04, 5)
     points = at_frequencies(problem, AllPairs(), omegas, tolerance=1e-9).points
@@ -144,13 +144,13 @@ def test_free_bodies_of_plain_rubin_have_the_modes_of_the_joined_structure():
     assert pytest.approx(np.diag(2 * 0.02 * omega_n), abs=1e-6 * omega_n[0]) == C
 
 
-def test_modes_that_leave_no_residual_flexibility_are_refused():
+def test_all_modes_without_residual_flexibility_are_rejected():
     structure, case, _ = two_boxes(60)
     with pytest.raises(ValueError, match="fewer modes"):
         build_rubin(structure, case)
 
 
-def test_pairs_that_share_a_node_are_refused():
+def test_pairs_with_a_common_node_are_rejected():
     structure, case, _ = two_boxes(6)
     structure.pairs.node1[1] = structure.pairs.node1[0]
     with pytest.raises(ValueError, match="independent"):
@@ -179,7 +179,7 @@ def all_rows():
     return rows
 
 
-def test_records_compare_at_common_points_and_weight_levels_with_their_points():
+def test_records_are_compared_at_common_points_and_levels_weighted_by_points():
     by_key = {(record["level_N"], record["method"]): record for record in Comparison(all_rows()).records()}
     assert by_key["1", "adaptive"]["difference_from_receptance"] == pytest.approx(0.1)
     assert by_key["5", "adaptive"]["difference_from_condensed"] == pytest.approx(0.9 / 2.0)
@@ -191,27 +191,27 @@ def test_records_compare_at_common_points_and_weight_levels_with_their_points():
 
 
 def test_points_at_other_frequencies_are_not_compared():
-    one, other = row_of(1.0, "a", [0, 1], 1.0, [1.0, 1.0]), row_of(1.0, "b", [0, 1], 1.0, [1.0, 3.0])
-    other.omega[1] += 1e-9
-    assert comparison.difference(one, other) == 0.0
+    first, second = row_of(1.0, "a", [0, 1], 1.0, [1.0, 1.0]), row_of(1.0, "b", [0, 1], 1.0, [1.0, 3.0])
+    second.omega[1] += 1e-9
+    assert comparison.difference(first, second) == 0.0
 
 
-def test_points_spread_over_the_curve_with_its_peak():
+def test_selected_points_cover_the_curve_and_its_peak():
     assert methods.spread(100, 4, 50) == [20, 40, 50, 79]
     assert methods.spread(5, 0, 2) == methods.spread(5, 9, 2) == [0, 1, 2, 3, 4]
     assert methods.spread(5, 1, 4) == [4]
 
 
-def test_frequencies_behind_a_fold_are_left_out():
+def test_frequencies_beyond_a_fold_are_omitted():
     points = [SimpleNamespace(omega=omega) for omega in (1.0, 2.0, 1.5, 1.8, 2.5)]
     assert methods.advancing(points, 1.0) == [1.0, 2.0, 2.5]
     assert methods.advancing(points[::-1], -1.0) == [2.5, 1.8, 1.5, 1.0]
 
 
-# -- measuring --------------------------------------------------------------------------------------------------------
+# -- time measurement -------------------------------------------------------------------------------------------------
 
 
-def test_stopwatch_counts_each_function_without_those_it_calls_and_leaves_no_trace():
+def test_stopwatch_measures_each_function_without_its_callees_and_restores_them():
     now = 0.0
 
     class Work:

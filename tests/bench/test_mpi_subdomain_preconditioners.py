@@ -1,4 +1,4 @@
-"""The preconditioner of large joints: exact with one cluster, near enough with many, and the same curve with it."""
+"""The preconditioner of large joints: exact with one subdomain, accurate with many, and the curve is the same."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ COMM, N_PAIRS, H = MPI.COMM_WORLD, 150, 2
 
 @pytest.fixture
 def problem(monkeypatch):
-    """A joint of which all pairs slip, far beyond their limits, so that GMRES has much to do."""
+    """Return a joint of which all pairs slip far beyond their limits, so that GMRES needs many iterations."""
     monkeypatch.setattr(synthetic, "SLIPS", 0.03)
     return synthetic.joint_problem(synthetic.joint_model(COMM, N_PAIRS, H, n_modes=4), 1.0, n_samples=32)
 
@@ -40,7 +40,7 @@ def linearised(problem):
 
 
 def iterations(at, precondition, rtol=1e-3):
-    """Return how many GMRES iterations I + G P takes."""
+    """Return the number of GMRES iterations of I + G P."""
     rows = (-1, 3, at.equation.model.N_H)
     b = np.random.default_rng(0).standard_normal((N_PAIRS, *rows[1:]))[at.equation.model.owned]
 
@@ -55,7 +55,7 @@ def iterations(at, precondition, rtol=1e-3):
     return outcome.iterations
 
 
-def test_one_cluster_is_the_whole_preconditioner(problem, monkeypatch):
+def test_one_subdomain_is_the_whole_preconditioner(problem, monkeypatch):
     monkeypatch.setattr(subdomain_preconditioners, "LOCAL", N_PAIRS)
     monkeypatch.setattr(preconditioner, "SINGLE_ERROR", 0.0)  # in double precision
     at = linearised(problem)
@@ -64,7 +64,7 @@ def test_one_cluster_is_the_whole_preconditioner(problem, monkeypatch):
     assert SubdomainPreconditioner(at).apply(b) == pytest.approx(exact, abs=1e-9 * max(1.0, np.abs(exact).max(initial=0.0)))
 
 
-def test_an_inverse_is_in_single_precision_where_that_suffices():
+def test_an_inverse_uses_single_precision_where_it_suffices():
     random = np.random.default_rng(1)
     parts = random.standard_normal((2, 30, 30))
     B, b = parts[0] + 1j * parts[1], random.standard_normal(30) + 0j
@@ -78,7 +78,7 @@ def test_an_inverse_is_in_single_precision_where_that_suffices():
 
 
 @pytest.mark.ranks(1, 2)
-def test_clusters_leave_gmres_little_to_do(problem, monkeypatch):
+def test_subdomains_reduce_the_iterations_of_gmres(problem, monkeypatch):
     monkeypatch.setattr(subdomain_preconditioners, "LOCAL", 8)
     monkeypatch.setattr(subdomain_preconditioners, "REGIONS", 6)
     at = linearised(problem)
@@ -90,7 +90,7 @@ def test_clusters_leave_gmres_little_to_do(problem, monkeypatch):
     assert iterations(adjoint, SubdomainPreconditioner(adjoint).apply) < 0.5 * iterations(adjoint, lambda x: x)
 
 
-def test_clusters_are_of_neighbours(problem):
+def test_subdomains_consist_of_neighbouring_pairs(problem):
     at = linearised(problem)
     computed = bisected(at.G, [np.arange(N_PAIRS)], 16)
     assert np.array_equal(np.sort(np.concatenate(computed)), np.arange(N_PAIRS)) and 9 <= min(map(len, computed))
@@ -98,12 +98,12 @@ def test_clusters_are_of_neighbours(problem):
     every, shape = np.arange(N_PAIRS), synthetic.grid(N_PAIRS)
     steps = np.array(divmod(synthetic.offsets(every, every, shape), shape[1])).T
     distance = np.linalg.norm(np.minimum(steps, shape - steps) / shape, axis=2)
-    within = np.mean([distance[np.ix_(one, one)].mean() for one in computed])
+    within = np.mean([distance[np.ix_(subdomain, subdomain)].mean() for subdomain in computed])
     assert within < 0.75 * distance.mean()
 
 
 def swept(G, P, b):
-    """Return x_1, x_2, x_0 of eq. (17.8) by dense solves; of harmonic 2 with the complex-linear part of its tangent."""
+    """Return x_1, x_2, x_0 of eq. (17.8) by dense solves; harmonic 2 with the complex-linear part of its tangent."""
     x, N_H, complex_P = np.zeros_like(b), b.shape[-1], complex_linear(P, b.shape[-1])
     for n, columns in ((1, slice(1, 3)), (2, slice(3, 5)), (0, slice(0, 1))):
         x[..., columns] = b[..., columns]
@@ -127,7 +127,7 @@ def swept(G, P, b):
 
 @pytest.mark.parametrize("largest", [110, 12], ids=["whole", "bisected"])
 def test_sectors_are_solved_for_in_a_sweep_over_the_harmonics(problem, monkeypatch, largest):
-    """The sweep (17.8) within four sectors, whole or bisected; one has half of its pairs, another none that is active."""
+    """The sweep (17.8) within four sectors, whole or bisected; one has half of its pairs active, another none."""
     monkeypatch.setattr(preconditioner, "SINGLE_ERROR", 0.0)  # in double precision
     monkeypatch.setattr(subdomain_preconditioners, "LARGEST_SECTOR", largest)
     monkeypatch.setattr(subdomain_preconditioners, "LEAST", 0.0)  # every mode
@@ -146,7 +146,7 @@ def test_sectors_are_solved_for_in_a_sweep_over_the_harmonics(problem, monkeypat
     assert sorted(pair for block in blocks for pair in block) == list(range(len(active)))
     assert max(map(len, blocks)) <= min(n, largest) and all(len({*(active[[*block]] // n)}) == 1 for block in blocks)
     assert (len(blocks) == 4) == (largest > n)
-    assert equation.comm.size == 1 or len(made.subdomains) < len(blocks)  # those with pairs of the rank
+    assert equation.comm.size == 1 or len(made.subdomains) < len(blocks)  # blocks with pairs of the rank
     within = np.zeros((len(active), len(active)), dtype=bool)
     for block in blocks:
         within[np.ix_(block, block)] = True
@@ -157,7 +157,7 @@ def test_sectors_are_solved_for_in_a_sweep_over_the_harmonics(problem, monkeypat
 
 @pytest.mark.ranks(2, 3)
 def test_a_rank_without_active_pairs_takes_part_in_a_sweep(problem):
-    """Of the first rank's pairs alone some slip: the others have no block, and no rows of the result."""
+    """Only pairs of the first rank slip: the other ranks have no block, and no rows of the result."""
     equation, at = problem.equation.of(replace(problem.equation.model, n_sectors=5)), linearised(problem)
     active = np.isin(np.arange(N_PAIRS), np.arange(N_PAIRS // 5 // COMM.size))
     at = Linearisation.of(equation, at.at, equation.contact_forces(at.forces.U, active, tangents=True))
@@ -167,7 +167,7 @@ def test_a_rank_without_active_pairs_takes_part_in_a_sweep(problem):
 
 
 @pytest.mark.ranks(1, 2)
-def test_a_sweep_takes_fewer_iterations_than_the_harmonics_one_by_one(problem, monkeypatch):
+def test_a_sweep_needs_fewer_iterations_than_separate_harmonics(problem, monkeypatch):
     monkeypatch.setattr(subdomain_preconditioners, "LARGEST_SECTOR", N_PAIRS)
     at = linearised(problem)
     one_by_one = iterations(at, HarmonicPreconditioner(at).apply, 1e-9)
@@ -178,7 +178,7 @@ def test_a_sweep_takes_fewer_iterations_than_the_harmonics_one_by_one(problem, m
 
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize(("n_sectors", "kind"), [(1, SubdomainPreconditioner), (5, SectorsPreconditioner)])
-def test_the_curve_is_the_same_with_it(problem, monkeypatch, n_sectors, kind):
+def test_the_curve_with_the_preconditioner_is_the_same(problem, monkeypatch, n_sectors, kind):
     plain = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
     made = []
     monkeypatch.setattr(subdomain_preconditioners, "LARGE", 10)
@@ -190,6 +190,6 @@ def test_the_curve_is_the_same_with_it(problem, monkeypatch, n_sectors, kind):
     problem = replace(problem, equation=problem.equation.of(replace(problem.equation.model, n_sectors=n_sectors)))
     solution = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
     assert plain.failure is None and solution.failure is None and made and isinstance(made[0], kind)
-    for one, other in zip(plain.points, solution.points, strict=True):
-        assert other.response == pytest.approx(one.response, abs=1e-8 * np.abs(one.response).max())
+    for reference, point in zip(plain.points, solution.points, strict=True):
+        assert point.response == pytest.approx(reference.response, abs=1e-8 * np.abs(reference.response).max())
     assert sum(p.krylov for p in solution.points[1:]) < sum(p.krylov for p in plain.points[1:])

@@ -1,4 +1,4 @@
-"""Measured tables go between the markers of a page, and nothing else of it changes."""
+"""Measured tables replace the text between the markers of a page; the rest does not change."""
 
 import pytest
 from page_tables import put, table
@@ -41,7 +41,7 @@ More prose.
 """
 
 
-def test_a_table_replaces_what_is_between_its_markers(tmp_path):
+def test_a_table_replaces_the_text_between_its_markers(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(PAGE)
     for _ in range(2):
@@ -49,7 +49,7 @@ def test_a_table_replaces_what_is_between_its_markers(tmp_path):
         assert page.read_text() == MADE
 
 
-def test_a_table_without_markers_is_refused_and_nothing_written(tmp_path):
+def test_a_table_without_markers_is_rejected_and_nothing_is_written(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(PAGE)
     with pytest.raises(ValueError, match="no markers <!-- table: c -->"):
@@ -57,7 +57,7 @@ def test_a_table_without_markers_is_refused_and_nothing_written(tmp_path):
     assert page.read_text() == PAGE
 
 
-def test_where_there_is_no_page_the_tables_alone_are_written(tmp_path):
+def test_without_a_page_only_the_tables_are_written(tmp_path):
     page = tmp_path / "docs" / "page.md"
     put(page, {"a": ["| 1 |"], "b": ["| 2 |"]})
     assert page.read_text().count("<!-- table: ") == 2 and "| 2 |" in page.read_text()

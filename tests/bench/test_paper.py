@@ -1,4 +1,4 @@
-"""The case study of the paper runs from one command, on a small scene with a mesh and on one without."""
+"""The case study of the paper runs by one command, on a small scene with a mesh and on one without."""
 
 import re
 import sys
@@ -64,7 +64,7 @@ def chain_study(folder, levels, tolerances, steps, band=None):
     return paper_runs.study(prepare(str(path), MPI.COMM_SELF), tolerances, steps, True, clock)
 
 
-def test_a_scene_of_matrices_goes_without_mesh_and_without_rubin(tmp_path):
+def test_a_scene_of_matrices_needs_no_mesh_and_no_rubin(tmp_path):
     study = chain_study(tmp_path, [1.0, 10.0], [0.0], [12], band=(530.0, 590.0))
     lines = paper_tables.tables(study)
     assert paper_figures.modes(study) is None and study.levels[0].rubin is None
@@ -72,7 +72,7 @@ def test_a_scene_of_matrices_goes_without_mesh_and_without_rubin(tmp_path):
     assert not NOT_A_NUMBER.search(str(lines))
 
 
-def test_what_a_run_drops_is_counted(tmp_path):
+def test_dropped_pairs_are_counted(tmp_path):
     level = chain_study(tmp_path, [3.0], [0.0, 1e9], []).levels[0]
     all_dropped = level.energy[1e9]
     is_open = np.array([np.count_nonzero(point.state == OPEN) for point in all_dropped.points])
@@ -82,12 +82,12 @@ def test_what_a_run_drops_is_counted(tmp_path):
     assert paper_runs.errors(level.checked, level.reference).max() < 1e-6
 
 
-def test_time_of_a_dense_step_between_the_sizes_timed():
+def test_time_of_a_dense_step_is_interpolated():
     study = paper_runs.Study(None, [], [], 800, {100: 1e-3, 400: 1.6e-2})
     assert study.lu_seconds(np.array([50, 100, 200, 800])) == pytest.approx([1e-3, 1e-3, 4e-3, 0.128])
 
 
-def test_numbers_as_the_page_shows_them():
+def test_format_of_numbers_on_the_page():
     shares, ratios, seconds = (0.022, 0.0, 3e-9), (12345.0, 98.0, 1.26), (7200.0, 600.0, 0.25, 0.0012)
     assert list(map(page_tables.percent, shares)) == ["2.2 %", "0 %", "3e-09"]
     assert list(map(page_tables.times, ratios)) == ["12,000x", "98x", "1.3x"]
@@ -111,19 +111,19 @@ def test_the_tables_of_the_claims_are_those_of_the_page(tmp_path):
     assert all(setting.name in str(made["once"]) for setting in chosen) and not NOT_A_NUMBER.search(str(made))
 
 
-def test_solved_again_the_original_method_has_no_error_and_the_improved_one_its_floor(tmp_path):
+def test_repeated_solutions_of_the_original_and_the_improved_method(tmp_path):
     trial = runs_of(tmp_path, 30.0).trial(claims_runs.Setting(30, EQUAL, again=True))
     assert trial.original_again.largest < 1e-6 < 1e-4 < trial.original.largest
     assert trial.improved_again.largest > 1e-4 and trial.better == claims_runs.ORIGINAL
 
 
-def test_a_test_of_the_size_of_dp_drops_what_is_smaller(tmp_path):
+def test_a_threshold_of_dp_drops_smaller_pairs(tmp_path):
     runs = runs_of(tmp_path, 10.0)
     plain, exact, none = (runs.trial(claims_runs.Setting(12, **slack)) for slack in ({}, {"slack": 1e-12}, {"slack": 1e9}))
     assert exact.original.error == pytest.approx(plain.original.error, abs=1e-9) and none.original.largest > 1e-2
 
 
-def test_a_turned_load_turns_the_motion(tmp_path):
+def test_a_phase_of_the_load_shifts_the_motion(tmp_path):
     system = scenes.chain()
     path = write_matrix_scene(tmp_path, system, [1e-3], system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
     prepared = prepare(str(path), MPI.COMM_SELF)

@@ -1,4 +1,4 @@
-"""The table of public models: files are read or refused with a reason, edited lines are counted, modes are those of the commands."""
+"""The table of public models: files are read or rejected with a reason, edited lines are counted, modes are those of the commands."""
 
 import gzip
 import subprocess
@@ -15,26 +15,28 @@ import table
 from table import checked, edited, fetched, files_of, frequencies, reason, reason_rows, solved
 
 
-def test_files_are_read_or_refused_with_their_reason(tmp_path):
+def test_files_are_read_or_rejected_with_a_reason(tmp_path):
     (tmp_path / "good.cdb").write_text(cdb(plain()))
     for name in ("bad1.inp", "bad2.inp"):
         (tmp_path / name).write_text(f"*NODE\n1,0.,0.,0.\n2,{name[3]},0.,0.\n*ELEMENT,TYPE=T3D2\n1,1,2\n")
     package = {"name": "two", "files": ["*.cdb", "bad*.inp"]}
     files = [checked(path) for path in files_of(package, tmp_path)]
-    assert [one.outcome for one in files] == ["refused", "refused", "read"]
+    assert [result.outcome for result in files] == ["refused", "refused", "read"]
     ((name, why, example, n),) = reason_rows(package, files)
     assert (name, example, n) == ("two", "bad1.inp", "2") and "no volume elements (beams or shells)" in why
 
 
-def test_a_defect_is_told_from_a_refusal(tmp_path, monkeypatch):
+def test_a_defect_is_distinguished_from_a_rejection(tmp_path, monkeypatch):
     monkeypatch.setattr(table, "check_model", lambda *_: {}["missing"])
-    (one,) = [checked(tmp_path / "any.inp")]
-    assert (one.outcome, one.why) == ("stopped", "KeyError: 'missing'")
+    (result,) = [checked(tmp_path / "any.inp")]
+    assert (result.outcome, result.why) == ("stopped", "KeyError: 'missing'")
 
 
-def test_equal_reasons_have_equal_words():
-    said = {reason(f"/a/m.inp: line {n}: it includes 'all{n}.msh', and there is no such file", Path("/a/m.inp")) for n in (1, 12)}
-    assert said == {"line N: it includes a file, and there is no such file"}
+def test_equal_reasons_have_equal_texts():
+    reasons = {
+        reason(f"/a/m.inp: line {n}: it includes 'all{n}.msh', and there is no such file", Path("/a/m.inp")) for n in (1, 12)
+    }
+    assert reasons == {"line N: it includes a file, and there is no such file"}
 
 
 def test_edited_lines_are_counted(tmp_path):
@@ -54,7 +56,7 @@ def test_modes_are_those_of_the_two_commands(tmp_path):
     assert n == 0 and (why or (len(computed) == table.N_MODES and (np.diff(computed) >= 0.0).all()))
 
 
-def test_compressed_inputs_and_built_models_are_written_beside(tmp_path):
+def test_compressed_inputs_and_built_models_are_written(tmp_path):
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / "a.inp.gz").write_bytes(gzip.compress(inp(plain()).encode()))
     place = fetched({"fetch": ["apt", "set"]}, tmp_path)
@@ -64,7 +66,7 @@ def test_compressed_inputs_and_built_models_are_written_beside(tmp_path):
 
 
 def test_some_folders_of_a_repository_are_fetched(tmp_path, monkeypatch):
-    """From a repository on this disk: the stated folders are there, the content of the others is not fetched."""
+    """A local repository: the stated folders are fetched, the content of the others is not."""
     server = tmp_path / "server" / "owner" / "models"
     for name in ("beams/beam.inp", "videos/tour.bin"):
         (server / name).parent.mkdir(parents=True)

@@ -15,7 +15,7 @@ from round_contact import Case, at_rest
     ],
     ids=lambda value: f"{value.shape} {value.pairing}" if isinstance(value, Case) else "",
 )
-def test_radius_and_pressure_are_those_of_hertz(tmp_path, case, cells):
+def test_contact_radius_and_pressure_agree_with_hertz(tmp_path, case, cells):
     _, force, radius, pressure = at_rest(case, cells, tmp_path)
     assert force == pytest.approx(1.0, abs=1e-4)
     assert (radius, pressure) == (pytest.approx(1.0, abs=0.03), pytest.approx(1.0, abs=0.03))

@@ -1,4 +1,4 @@
-"""The tables of what more ranks gain are those of the page, from runs of the program."""
+"""The tables of parallel scaling are those of the page, from runs of the program."""
 
 import pytest
 from page_tables import MARKED

@@ -1,4 +1,4 @@
-"""The theory of the sideways push against itself, and a coarse roller on a base of another mesh within 5 % of it."""
+"""The theory of tangential loading is consistent, and a coarse roller on a base of another mesh is within 5 % of it."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ SPHERE, ROLLER = Case(), Case(Rings(shape="roller", rings=8, base_rings=11), "mo
 
 @pytest.mark.parametrize("case", [SPHERE, ROLLER], ids=["sphere", "roller"])
 @pytest.mark.parametrize("share", [0.2, 0.8])
-def test_tractions_carry_the_load_and_tell_the_stick_radius(case, share):
+def test_tractions_balance_the_load_and_determine_the_stick_radius(case, share):
     a, c = case.mesh.contact, case.stick_radius(share)
     around = (lambda r: 2.0) if case.is_roller else (lambda r: 2.0 * np.pi * r)
     load = quad(lambda r: case.traction(r, share) * around(r), 0.0, a, points=[c])[0]
@@ -21,8 +21,8 @@ def test_tractions_carry_the_load_and_tell_the_stick_radius(case, share):
 
 
 @pytest.mark.parametrize("share", [0.2, 0.8])
-def test_losses_point_by_point_are_those_of_the_curve_of_first_loading(share):
-    """Of a sphere, by Masing's rule on Mindlin's displacement of the whole body."""
+def test_integrated_losses_are_those_of_the_curve_of_first_loading(share):
+    """For a sphere, by Masing's rule on Mindlin's displacement of the whole body."""
 
     def displacement(s):
         shear = 0.5 * YOUNG / (1.0 + SPHERE.poisson)
@@ -33,7 +33,7 @@ def test_losses_point_by_point_are_those_of_the_curve_of_first_loading(share):
     assert SPHERE.loss(share) == pytest.approx(-8.0 * MU * SPHERE.force * enclosed, rel=1e-5)
 
 
-def test_coarse_roller_on_another_mesh_is_that_of_cattaneo(tmp_path):
+def test_a_coarse_roller_on_another_mesh_agrees_with_cattaneo(tmp_path):
     shares = (0.5, 0.8)
     contact, pushed = by_march(ROLLER, shares, tmp_path)
     assert at_rest(ROLLER, contact) == (pytest.approx(1.0, abs=0.03), pytest.approx(1.0, abs=0.03))

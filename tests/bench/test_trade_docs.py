@@ -1,4 +1,4 @@
-"""The page of trades, from studies made up here."""
+"""The page of trades, from synthetic studies."""
 
 from pathlib import Path
 
@@ -43,12 +43,12 @@ def test_the_first_table_has_a_row_for_each_target():
 
 def test_a_stored_measurement_gives_the_same_page():
     first = measured("jobs/scene.toml")
-    again = trade_docs.from_json(trade_docs.to_json(first))
-    assert trade_docs.section(again) == trade_docs.section(first) and trade_docs.chosen(again) == trade_docs.chosen(first)
-    np.testing.assert_array_equal(again.study.runs[0].curves[0].u, first.study.runs[0].curves[0].u)
+    restored = trade_docs.from_json(trade_docs.to_json(first))
+    assert trade_docs.section(restored) == trade_docs.section(first) and trade_docs.chosen(restored) == trade_docs.chosen(first)
+    np.testing.assert_array_equal(restored.study.runs[0].curves[0].u, first.study.runs[0].curves[0].u)
 
 
-def test_parts_of_the_page_are_those_of_the_scenes():
+def test_sections_of_the_page_are_those_of_the_scenes():
     page = (ROOT / "docs" / "trade.md").read_text(encoding="utf-8")
     stems = [Path(scene).stem for scene in trade_docs.SCENES]
     assert {*stems, "chosen", "machine"} == {name for _, name, _ in MARKED.findall(page)}
