@@ -1,6 +1,6 @@
-"""The page docs/library.md: its code is run block by block, and what that prints stands below each block.
+"""The page docs/library.md: its code is run block by block, and the output of each block is written below it.
 
-PYTHONPATH=solver:meshes python tests/docs/library_page.py        writes the page and its picture anew
+PYTHONPATH=solver:meshes python tests/docs/library_page.py        writes the page and its picture
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ BLOCK = re.compile(r"```python\n(?P<code>.*?)```\n(?:\n```text\n(?P<said>.*?)```
 
 
 def prepare(folder: Path) -> None:
-    """Put the scene and its mesh where the page looks for them."""
+    """Put the scene and its mesh where the page reads them."""
     (folder / "jobs").mkdir()
     (folder / "meshes").mkdir()
     shutil.copy(ROOT / "jobs" / "lap_joint.toml", folder / "jobs")
@@ -34,21 +34,21 @@ def prepare(folder: Path) -> None:
 
 
 def run(page: str, folder: Path) -> list[tuple[str, str]]:
-    """Run the blocks of a page one after the other in a folder; return what stands below each and what it printed."""
+    """Run the blocks of a page one after the other in a folder; return the text below each and its output."""
     names: dict = {}
     values = []
     with contextlib.chdir(folder):
         for block in BLOCK.finditer(page):
-            said = io.StringIO()
-            with contextlib.redirect_stdout(said):
+            outputs = io.StringIO()
+            with contextlib.redirect_stdout(outputs):
                 exec(compile(block["code"], f"docs/library.md: {block['code'].splitlines()[0]}", "exec"), names)
-            values.append((block["said"] or "", said.getvalue()))
+            values.append((block["said"] or "", outputs.getvalue()))
     return values
 
 
-def written(page: str, said: list[str]) -> str:
-    """Return the page with what its blocks print."""
-    texts = iter(said)
+def written(page: str, outputs: list[str]) -> str:
+    """Return the page with the output of its blocks."""
+    texts = iter(outputs)
 
     def block(computed: re.Match) -> str:
         text = next(texts)
@@ -63,7 +63,7 @@ def main() -> None:
         prepare(Path(name))
         output = run(page, Path(name))
         shutil.copy(Path(name) / PICTURE, PAGE.parent / "img" / PICTURE)
-    PAGE.write_text(written(page, [said for _, said in output]), encoding="utf-8")
+    PAGE.write_text(written(page, [outputs for _, outputs in output]), encoding="utf-8")
 
 
 if __name__ == "__main__":

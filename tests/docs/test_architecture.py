@@ -1,4 +1,4 @@
-"""docs/architecture.md: its rooms are those of the package, imports go one way, its picture is that of the code."""
+"""docs/architecture.md: its rooms are those of the package, imports have one direction, its picture is that of the code."""
 
 import ast
 import graphlib
@@ -20,7 +20,7 @@ def test_the_rooms_of_the_page_are_those_of_the_package():
     assert sorted(ORDER) == rooms.rooms() == sorted(rooms.ROOMS)
 
 
-def test_a_room_imports_only_those_above_it_on_the_page():
+def test_rooms_import_only_earlier_rooms_of_the_page():
     imported = rooms.imported()
     assert sum(map(len, imported.values())) > 50
     wrong = {
@@ -32,22 +32,22 @@ def test_a_room_imports_only_those_above_it_on_the_page():
     assert wrong == {}
 
 
-def test_no_file_imports_itself_by_way_of_others_not_even_for_types():
+def test_imports_have_no_cycles_even_for_types():
     files = {".".join(path.relative_to(SOLVER.parent).with_suffix("").parts): path for path in SOLVER.rglob("*.py")}
     order = graphlib.TopologicalSorter({name: rooms.imports(path, with_types=True) for name, path in files.items()})
     assert len([name for name in order.static_order() if name in files]) == len(files)
 
 
-def test_every_module_that_is_imported_is_there():
+def test_every_imported_module_exists():
     used = {module: path for path in SOLVER.rglob("*.py") for module in rooms.imports(path, with_types=True)}
     for path in (path for folder in ("tests", "jobs") for path in (ROOT / folder).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         used |= dict.fromkeys(re.findall(r"^ *from (microslip\.[\w.]+) import", text, flags=re.M), path)
-    ours = {module: path for module, path in used.items() if module.startswith("microslip.")}
+    own_modules = {module: path for module, path in used.items() if module.startswith("microslip.")}
     names = {".".join(path.relative_to(SOLVER.parent).with_suffix("").parts) for path in SOLVER.rglob("*.py*")}
-    there = names | {name.removesuffix(".__init__") for name in names}
-    assert len(ours) > 100
-    assert not {module: path for module, path in ours.items() if module not in there}
+    existing = names | {name.removesuffix(".__init__") for name in names}
+    assert len(own_modules) > 100
+    assert not {module: path for module, path in own_modules.items() if module not in existing}
 
 
 @pytest.mark.slow
@@ -60,13 +60,13 @@ def test_rooms_of_numpy_only_import_neither_mpi_nor_petsc():
             assert {module.split(".")[0] for module in rooms.imports(path)} <= allowed, path
 
 
-def test_the_scene_is_imported_where_the_page_says_alone():
-    said = set(re.findall(r"`(\w+)/`", re.search(r"The scene is imported by (.*) alone of all rooms", PAGE)[1]))
+def test_the_scene_is_imported_only_by_the_rooms_of_the_page():
+    stated = set(re.findall(r"`(\w+)/`", re.search(r"The scene is imported by (.*) alone of all rooms", PAGE)[1]))
     importing = {room for room, others in rooms.imported().items() if "scene" in others}
-    assert importing and importing <= said
+    assert importing and importing <= stated
 
 
-def test_every_file_that_the_page_names_is_there():
+def test_every_file_named_on_the_page_exists():
     files = re.findall(r"`([\w/]+\.py)`", PAGE)
     assert len(files) > 15
     assert not {file for file in files if not (SOLVER / file).is_file()}
@@ -82,7 +82,7 @@ PATHS = {  # the names of a value on its path
 
 
 def defined(path, name):
-    """Return the source of a function, class or "Class.method"; of C and Cython what follows its name."""
+    """Return the source of a function, class or "Class.method"; for C and Cython the text after its name."""
     text = path.read_text(encoding="utf-8")
     if path.suffix != ".py":
         return text[re.search(rf"\b{name}\b", text).end() :]
@@ -102,7 +102,7 @@ def test_the_path_of_a_value_is_that_of_the_code(value):
         assert re.search(rf"\b({PATHS[value]})\b", defined(SOLVER / file, name)), file
 
 
-def test_no_room_of_the_vibration_but_the_law_s_computes_with_mu():
+def test_only_the_contact_law_computes_with_mu():
     numerics = ("continuation", "error_estimate", "harmonic", "receptance", "reduction", "transient")
     assert not [
         path for room in numerics for path in (SOLVER / room).rglob("*.py") if re.search(r"\.mu\b", path.read_text("utf-8"))
@@ -113,7 +113,7 @@ def test_the_picture_is_that_of_the_code():
     assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.picture(), "run python jobs/docs/rooms.py, and look at it"
 
 
-def test_imports_are_found_and_those_for_type_checking_are_not(tmp_path, monkeypatch):
+def test_imports_for_type_checking_are_not_counted(tmp_path, monkeypatch):
     monkeypatch.setattr(rooms, "PACKAGE", tmp_path)
     for room, text in (
         ("one", "from ..two.sub import a\nfrom .. import three\nif TYPE_CHECKING:\n    from ..four import b\n"),
@@ -130,5 +130,5 @@ def test_imports_are_found_and_those_for_type_checking_are_not(tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("room", rooms.ROOMS)
-def test_boxes_of_the_picture_hold_their_words(room):
+def test_texts_fit_the_boxes_of_the_picture(room):
     assert len(room) <= 14 and (room in rooms.FOUNDATION or len(rooms.ROOMS[room][0]) <= 23)

@@ -1,4 +1,4 @@
-"""The notebook of docs/library.md runs, and prints what stands there."""
+"""The notebook of docs/library.md runs, and prints the output shown."""
 
 import re
 
@@ -10,7 +10,7 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
 @pytest.mark.slow
-def test_the_page_prints_what_it_says(tmp_path):
+def test_the_page_prints_the_output_shown(tmp_path):
     library_page.prepare(tmp_path)
     output = library_page.run(library_page.PAGE.read_text(encoding="utf-8"), tmp_path)
     assert len(output) > 8

@@ -1,4 +1,4 @@
-"""The counts of docs/reliability.md are those of the tests that it names."""
+"""The counts of docs/reliability.md are those of the named tests."""
 
 import re
 from pathlib import Path
@@ -23,7 +23,7 @@ def test_the_page_states_the_sizes_of_the_catalogue():
     assert f"\n{len(FAULTS)} faults within a run: " in PAGE
 
 
-def test_the_page_has_a_line_for_each_reader_that_is_fuzzed():
+def test_the_page_has_a_line_for_each_fuzzed_reader():
     table = PAGE[PAGE.index("### Tests") : PAGE.index("Findings that were fixed")]
     seconds = {name: int(n) for name, n in re.findall(r"^\| (\w+) \| (\d+) \| [\d,]+ \| ", table, re.MULTILINE)}
     assert set(seconds) == set(TARGETS) and min(seconds.values()) >= 600

@@ -1,4 +1,4 @@
-"""The command that compares the tables of docs with what their commands make: it compares with nothing but what they make."""
+"""The command that compares the tables of docs with the output of their commands, and with no other text."""
 
 import sys
 from argparse import Namespace
@@ -33,12 +33,12 @@ def test_commands_of_a_page():
     assert commands(PAGE) == ["python jobs/bench/a.py --size 3", "python jobs/bench/b.py --long argument"]
 
 
-def test_the_same_numbers_agree_and_times_are_not_judged():
+def test_equal_numbers_agree_and_times_are_not_compared():
     _, compared = made("| samples | error | wall, s |\n| --- | --- | --- |\n| 32 | 2.10 %, 1250 | 9 |\n| | 0.611 % | 7 |\n")
     assert (compared.rows, compared.equal, compared.differ, compared.machine) == (2, 3, [], 2)
 
 
-def test_ratios_of_times_are_a_class_of_their_own():
+def test_ratios_of_times_are_counted_separately():
     page = "| level | evaluations | time, s | ratio | speed-up a step | of samples |\n| --- | --- | --- | --- | --- | --- |\n"
     now = f"{page}| 1 | 7 | 2.0 | 1.5 | 1.2 | 2x |\n| speed-up, lowest | 3 |  |  |  |  |\n"
     _, compared = made(now, f"{page}| 1 | 7 | 4.0 | 3.0 | 1.1 | 7,600x |\n| speed-up, lowest | 2 |  |  |  |  |\n")
@@ -49,30 +49,30 @@ def test_ratios_of_times_are_a_class_of_their_own():
     assert compared.differ == [("x", "ratio", "1.5", "1.9")]  # a ratio of what is no time is of the model
 
 
-def test_another_number_differs_and_is_named():
+def test_different_numbers_are_named():
     _, compared = made("| 32 | 2.4 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n")
     assert compared.differ == [("32", "error", "2.1 %, 1,250", "2.4 %, 1,250")]
     assert compared.equal == 1
 
 
-def test_a_number_more_differs():
+def test_an_additional_number_is_a_difference():
     _, compared = made("| 32 | 2.1 %, 1,250, 8 | 9 |\n")
     assert len(compared.differ) == 1 and compared.rows == 1
 
 
-def test_columns_of_another_order_are_found_by_name():
+def test_columns_are_matched_by_name():
     page = "| case | a | b |\n| --- | --- | --- |\n| x | 1 | 2 |\n"
     _, compared = made("| case | b | c | a |\n| --- | --- | --- | --- |\n| x | 2 | 5 | 1 |\n", page)
     assert (compared.equal, compared.differ) == (2, [])
 
 
-def test_of_rows_of_one_name_that_of_the_same_words_and_mesh_is_taken():
+def test_rows_of_the_same_name_are_matched_by_words_and_mesh():
     page = "| bar | of | cells | value |\n| --- | --- | --- | --- |\n| x | here | 8 x 8 | 1 |\n| | there | 8 x 8 | 2 |\n| | here | 16 x 16 | 3 |\n"
     _, compared = made("| x | here | 4 x 4 | 1 |\n| x | there | 8 x 8 | 2 |\n| x | here | 8 x 8 | 5 |\n", page)
     assert compared.rows == 2 and compared.differ == [("x", "value", "1", "5")]
 
 
-def test_the_table_with_most_rows_in_common_is_taken():
+def test_the_table_with_most_common_rows_is_compared():
     _, compared = made("| 64 | 1 | 1 |\n\n| 32 | 2.1 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n\n| 32 | 7 | 7 |\n")
     assert compared.rows == 2 and not compared.differ
     assert made("no table") is None and made("| 64 | 2.1 % | 9 |\n") is None
@@ -88,7 +88,7 @@ def test_numbers_agree_to_the_digits_printed(page, now, same):
 
 
 def project(folder: Path, script: str) -> Path:
-    """Make a project whose page shows 1.5 and names a script; return the page."""
+    """Write a project whose page shows 1.5 and names a script; return the page."""
     (folder / "docs").mkdir()
     (folder / "make.py").write_text(script)
     page = folder / "docs" / "page.md"
@@ -113,7 +113,7 @@ READS = "from pathlib import Path\nprint(Path('docs/page.md').read_text())\n"
         ("import time\nprint('| x | 1.5 |', flush=True)\ntime.sleep(60)", {"tables": 1}),
     ],
 )
-def test_a_page_is_compared_with_what_its_command_makes(tmp_path, monkeypatch, script, counts):
+def test_a_page_is_compared_with_the_output_of_its_command(tmp_path, monkeypatch, script, counts):
     page = project(tmp_path, script)
     monkeypatch.setattr(reproduce, "ROOT", tmp_path)
     computed = reproduce.examined(page, Namespace(seconds=2.0, only="", without=None, list=False))
@@ -121,23 +121,23 @@ def test_a_page_is_compared_with_what_its_command_makes(tmp_path, monkeypatch, s
     assert "1.5" in page.read_text()
 
 
-def test_tables_know_their_line_and_rows_their_name():
+def test_tables_have_a_line_and_rows_a_name():
     (table,) = tables(PAGE)
     assert table.line == 5 and table.header[1] == "error"
     assert [name for name, _ in table.named()] == ["32", "32"]
     assert compare(table, table).equal == 3
 
 
-def test_a_table_without_rows_is_none():
+def test_a_table_without_rows_is_ignored():
     assert tables("| a | b |\n| --- | --- |\n\n| c | d |\n| --- | --- |\n| 1 | 2 |\n")[0].header == ["c", "d"]
 
 
-def test_peaks_that_a_run_prints_are_compared_in_any_unit():
-    said = (
+def test_printed_peaks_are_compared_in_any_unit():
+    log = (
         "level 1 of 2: 0.5 N: 67 points in 0.31 s; peak 8.1534e-05 m (1.6307e-04 m/N) at 724.58 Hz, 16 of 64 pairs slip, 32 open"
     )
     page = "| level | peak | per newton | pairs that slip, open (of 64) | friction |\n| --- | --- | --- | --- | --- |\n"
     page += "| 0.5 N | 0.082 mm | 163 µm/N | 16, 30 | 3 % |\n"
-    computed = nearest(tables(page)[0], [("command", one) for one in reproduce.peaks(said)])[1]
+    computed = nearest(tables(page)[0], [("command", one) for one in reproduce.peaks(log)])[1]
     assert (computed.equal, computed.differ) == (2, [("0.5 N", "pairs that slip, open", "16, 30", "16, 32")])
     assert reproduce.peaks("nothing") == []

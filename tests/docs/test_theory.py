@@ -1,4 +1,4 @@
-"""Theory and code side by side: equations numbered in order, each naming the code that implements it, which cites it back."""
+"""Theory and code: equations are numbered in order, each names the code that implements it, and that code cites it."""
 
 import re
 from collections import Counter
@@ -15,14 +15,14 @@ PAGES = ("theory", "notation", "parallel", "architecture")
 
 
 def referred(text, alone):
-    """Return the numbers in "eq. 5.3, 5.4" and "eq. (5.1)", with ``alone`` in " (5.1)", too."""
+    """Return the numbers in "eq. 5.3, 5.4" and "eq. (5.1)", and with ``alone`` in " (5.1)"."""
     lists = re.findall(r"\beqs?\. \(?(\d+\.\d+(?:(?:, | and | to )\d+\.\d+)*)", text)
     lists += re.findall(r"(?<!tag)(?<=[\s(])\((\d+\.\d+)\)", text) if alone else []
     return {(int(section), int(n)) for each in lists for section, n in re.findall(r"(\d+)\.(\d+)", each)}
 
 
 def entries(text):
-    """Return {number: names} of the lines "In the code", the numbers of each line with the section it stands in."""
+    """Return {number: names} of the lines "In the code", the numbers of each line with its section."""
     values = {}
     for section, part in re.findall(r"^## (\d+)\.(.*?)(?=^## |\Z)", text, flags=re.M | re.S):
         for line in NAMED.findall(part):
@@ -33,7 +33,7 @@ def entries(text):
 
 
 def faults(text, files):
-    """Return what is wrong between theory and code: the text of the one, {path: source} of the other."""
+    """Return the inconsistencies between theory and code: the text of the theory, {path: source} of the code."""
     named, numbers = entries(text), re.findall(r"\\tag\{(\d+\.\d+)\}", text)
     places = {}  # name: [(path, its docstring or comment)]
     for path, source in files.items():
@@ -69,7 +69,7 @@ def test_equations_are_numbered_in_order_in_each_section():
         assert {int(s) for s in re.findall(r"\\tag\{(\d+)\.", text)} <= {heading}
 
 
-def test_every_equation_referred_to_is_there():
+def test_every_cited_equation_exists():
     files = [
         path for folder in ("tests", "docs", "jobs") for path in (ROOT / folder).rglob("*.*") if path.suffix in (".py", ".md")
     ]
@@ -84,28 +84,33 @@ def test_every_equation_names_its_code_and_is_cited_back():
     assert faults(THEORY, sources()) == []
 
 
-def test_what_is_taken_away_is_missed():
+def test_removed_parts_are_detected():
     files = sources()
     balance = SOLVER / "harmonic" / "balance.py"
     kernel = SOLVER / "contact" / "elastic_coulomb.c"
 
-    def seen(text=THEORY, path=balance, old="", new=""):
+    def inconsistencies(text=THEORY, path=balance, old="", new=""):
         changed = files | {path: files[path].replace(old, new)}
         assert text != THEORY or changed != files
         return faults(text, changed)
 
-    assert seen(text=THEORY.replace("(5.1) `HarmonicBalance.residual`; ", "")) != []  # an entry
-    assert seen(text=THEORY.replace("`HarmonicBalance.residual`", "`HarmonicBalance.rest`")) != []  # its name
-    assert seen(text=THEORY.replace("\\tag{5.1}", "")) != []  # the number
-    assert seen(old="def residual(", new="def rest(") != []  # what it names
-    assert seen(old="eq. (5.1)", new="the equation") != []  # the citation
-    assert seen(old="eq. (5.1)", new="eq. 5.1") != []  # its form
-    assert seen(old="eq. (5.1)", new="eq. (5.1), eq. (6.2)") != []  # one that belongs elsewhere
-    assert seen(path=kernel, old="eq. (3.3)", new="the return") != []
-    assert seen(path=kernel, old="/* One step on all lanes, eq. (3.6)", new="/* eq. (3.6) */\n\n/* One step on all lanes") != []
+    assert inconsistencies(text=THEORY.replace("(5.1) `HarmonicBalance.residual`; ", "")) != []  # the entry of an equation
+    assert (
+        inconsistencies(text=THEORY.replace("`HarmonicBalance.residual`", "`HarmonicBalance.rest`")) != []
+    )  # the name in an entry
+    assert inconsistencies(text=THEORY.replace("\\tag{5.1}", "")) != []  # the number of an equation
+    assert inconsistencies(old="def residual(", new="def rest(") != []  # the named function
+    assert inconsistencies(old="eq. (5.1)", new="the equation") != []  # the citation
+    assert inconsistencies(old="eq. (5.1)", new="eq. 5.1") != []  # its form
+    assert inconsistencies(old="eq. (5.1)", new="eq. (5.1), eq. (6.2)") != []  # a citation of another equation
+    assert inconsistencies(path=kernel, old="eq. (3.3)", new="the return") != []
+    assert (
+        inconsistencies(path=kernel, old="/* One step on all lanes, eq. (3.6)", new="/* eq. (3.6) */\n\n/* One step on all lanes")
+        != []
+    )
 
 
-def test_names_of_code_in_the_pages_are_in_the_code():
+def test_names_of_code_on_the_pages_exist_in_the_code():
     words = Counter(re.findall(r"\w+", "\n".join([*sources().values(), *map(str, sources())])))
     for page in PAGES:
         text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
