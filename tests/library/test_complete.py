@@ -93,7 +93,7 @@ def test_a_joint_replaces_a_tie_or_a_contact_between_its_surfaces(tmp_path):
 
 
 def test_entries_that_change_the_result_are_rejected_unless_ignored_by_name(tmp_path):
-    with pytest.raises(CaseError, match=r"(?s)job.inp: 1 entries .*\[model\] ignore takes .\*CONTACT PAIR..*line 7.*in contact"):
+    with pytest.raises(CaseError, match=r"(?s)job.inp: 1 entry .*\[model\] ignore takes .\*CONTACT PAIR..*line 7.*in contact"):
         complete(scene(tmp_path), model(findings=(CONTACT, OUTPUT)))
     completed, notes = complete(scene(tmp_path, {"ignore": ("contact pair",)}), model(findings=(CONTACT, OUTPUT)))
     assert completed.ties and [note for note in notes if "left out" in note] == [
@@ -157,7 +157,7 @@ def test_loads_before_the_vibration_are_stated_used_or_ignored(tmp_path):
     assert [force.group for force in completed.statics.forces] == ["tip", "root"] and len(completed.statics.bolts) == 1
     findings = (*LOADED["findings"], GRAVITY)
     assert complete(scene(tmp_path, {"ignore": (WORD,)}), model(**{**LOADED, "findings": findings}))[0].statics is None
-    with pytest.raises(CaseError, match=r'1 entries .*takes "\*DLOAD, GRAV"'):
+    with pytest.raises(CaseError, match=r'1 entry .*takes "\*DLOAD, GRAV"'):
         complete(scene(tmp_path), model(**{**LOADED, "findings": findings}))
     completed, _ = complete(scene(tmp_path, {"ignore": ("*DLOAD, GRAV",)}), model(**{**LOADED, "findings": findings}))
     assert len(completed.statics.bolts) == 1
@@ -250,5 +250,5 @@ def test_a_joint_of_the_scene_has_priority_over_a_contact_of_the_file(tmp_path):
         (scene(tmp_path, {"take": ("bodies", "materials", "statics")}), IN_CONTACT),
         (scene(tmp_path, {"ignore": (WORD,)}), IN_CONTACT),
     ):
-        with pytest.raises(CaseError, match=r"1 entries .*takes .\*CONTACT PAIR"):
+        with pytest.raises(CaseError, match=r"1 entry .*takes .\*CONTACT PAIR"):
             complete(own, model(**of_file))

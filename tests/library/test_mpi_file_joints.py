@@ -102,7 +102,7 @@ def test_a_contact_pair_becomes_a_joint_only_with_loads(tmp_path):
     folder = COMM.bcast(tmp_path)
     on_root(COMM, (folder / "job.inp").write_text, DECK + BARE)
     with pytest.raises(
-        CaseError, match=r"(?s)1 entries .*line 38: \*CONTACT PAIR: UPPER and LOWER in contact, friction 0.5: a joint that"
+        CaseError, match=r"(?s)1 entry .*line 38: \*CONTACT PAIR: UPPER and LOWER in contact, friction 0.5: a joint that"
     ):
         read_completed(scene(folder), COMM)
     pressed = {"forces": ({"group": "END", "force": (0.0, 0.0, -4e-4)},)}
