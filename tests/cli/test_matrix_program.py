@@ -14,7 +14,7 @@ JOBS = Path(__file__).parents[2] / "jobs"
 
 
 @pytest.mark.parametrize(
-    "name, said",
+    "name, messages",
     [
         (
             "jenkins",
