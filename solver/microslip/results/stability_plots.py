@@ -18,7 +18,7 @@ _MARKS = dict(zip(KINDS, "Ds^v"))
 
 
 def runs(stable: np.ndarray | None, segment: slice) -> Iterator[tuple[slice, bool]]:
-    """Yield the parts of a segment between whose points the curve is stable, or not, and which it is.  Local.
+    """Yield the stable and unstable parts of a segment, and which of both each is.  Local.
 
     ``stable`` (n,) has it for each point; between a stable and an unstable one the curve counts as unstable.  Without it all of
     the segment is one part.

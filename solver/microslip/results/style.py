@@ -52,7 +52,7 @@ RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != 
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-3, 5),
     "figure.dpi": DPI,
-    "text.hinting": "none",  # at this resolution no letter is the better for it
+    "text.hinting": "none",  # no benefit at this resolution
     "text.usetex": False,
     "axes.unicode_minus": True,
 }

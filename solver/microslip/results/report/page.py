@@ -43,7 +43,7 @@ def write_report(path: str, folder: str | Path) -> str:
 
 
 def plotly_js() -> str:
-    """Return plotly's library for browsers, which the page carries with it.  Raises CaseError: plotly is not installed."""
+    """Return plotly's library for browsers, which the page includes.  Raises CaseError: plotly is not installed."""
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:
@@ -84,7 +84,7 @@ def page_of(results: ResultFile, fields: Fields | None, run: RunRecord, library:
 
 
 def _json(data) -> str:
-    """Return data that no text in it can end the script by."""
+    """Return data in a form whose texts cannot end the script element."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return (
         text.replace("<", "\\u003c")
@@ -108,7 +108,7 @@ def _subtitle(results: ResultFile, run: RunRecord) -> str:
 def _sections(
     results: ResultFile, fields: Fields | None, run: RunRecord, figures: dict, drawings: str
 ) -> list[tuple[str, str, str]]:
-    """Return key, heading and HTML of the sections that there are."""
+    """Return key, heading and HTML of the existing sections."""
     sections = [("summary", "Summary", tables.warnings_list(run.notes) + tables.cards(results) + tables.peaks_table(results))]
     sections.append(
         (
@@ -203,6 +203,6 @@ def _joint(figures: dict, drawings: str) -> str:
 
 
 def _places(figures: dict, *names: str) -> str:
-    """Return the places of the figures that there are."""
+    """Return the places of the existing figures."""
     places = "".join(f'<div class="figure" data-figure="{name}"></div>' for name in names if name in figures)
     return f'<div class="figures">{places}</div>' if places else ""

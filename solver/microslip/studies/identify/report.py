@@ -42,7 +42,7 @@ def write_identified(result: Identified, scene: Any, folder: Path) -> str:
 
 
 def records(result: Identified) -> list[dict[str, Any]]:
-    """Return a record a number, by the names of the columns of identified.csv."""
+    """Return one record per number, by the names of the columns of identified.csv."""
     return [
         {
             "parameter": key,
@@ -59,7 +59,7 @@ def records(result: Identified) -> list[dict[str, Any]]:
 
 
 def fitted_rows(result: Identified, outputs: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Return a record a measured row, by the names of the columns of fit.csv."""
+    """Return one record per measured row, by the names of the columns of fit.csv."""
     data = {"measured": result.measured, "fit": result.fit, "before": result.before}
     columns = {f"{name}_{of}": values for of, rows in data.items() for name, values in _columns(rows).items()}
     return [

@@ -112,11 +112,11 @@ class Excited:
     n_sectors: int
     speeds: tuple[float, ...]  # rad/s; empty: not stated
     orders: tuple[int, ...] = ()  # empty: 1 to the number of sectors
-    frequencies: str = "at rest"  # which those of the modes are, in words
+    frequencies: str = "at rest"  # description of the modes' frequencies
 
     @property
     def all_orders(self) -> Sequence[int]:
-        """The engine orders that are looked for."""
+        """The engine orders to search."""
         return self.orders or range(1, self.n_sectors + 1)
 
     def crossings(self, by_diameter: Sequence[DiameterModes]) -> list[tuple[int, Crossing]]:
@@ -220,9 +220,9 @@ def modes_by_diameter(
 
 
 def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog, is_first: bool = True) -> dict[int, Linearised]:
-    """Return the stuck structures of nodal diameters by these, but for those in which a free disc is rigid.  Collective.
+    """Return the stuck structures by nodal diameter, except those in which a free disc moves rigidly.  Collective.
 
-    One pass over the factor of the sector tests those of all of them; it is described in the log with the first.
+    One pass over the factor of the sector tests all of them; it is logged with the first.
     """
     scene, structures = parts.scene, {}
     with log.stage("factor of the stuck structure"):

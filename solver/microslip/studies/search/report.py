@@ -18,7 +18,7 @@ from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, plain, with_pr
 from ...system.files import make_folder, remove_files
 from ..records import cell, write_csv
 
-FAINTEST = 1e-6  # of the largest amplitude, below which another one is zero but for rounding: no logarithmic axis
+FAINTEST = 1e-6  # of the largest amplitude, below which another one counts as zero: no logarithmic axis
 SAME = 1e-4  # of a response: the difference up to which another one is the same solution
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 _SOURCES = {"curve": "along the curve", "level": "over the level", "deflation": "by deflation"}
@@ -125,7 +125,7 @@ def noted(result: Search) -> list[str]:
 
 
 def returning(result: Search) -> list[str]:
-    """Return for each followed curve that comes back to the frequency of the search, at which solutions it does."""
+    """Return, for each followed curve that returns to the frequency of the search, the solutions at which it does."""
     lines, at = [], f"{result.frequency:g} Hz"
     for i, solution in enumerate(result.solutions, 1):
         ends = returns(solution.curve, result.frequency) if solution.curve is not None else []
@@ -138,7 +138,7 @@ def returning(result: Search) -> list[str]:
 
 
 def place(result: Search, response: np.ndarray) -> str:
-    """Return the solution that a response at the frequency of the search is, in words."""
+    """Return as text which solution a response at the frequency of the search is."""
     for k, solution in enumerate(result.solutions, 1):
         if np.linalg.norm(response - solution.response) <= SAME * np.linalg.norm(response):
             return f"solution {k}"
@@ -146,7 +146,7 @@ def place(result: Search, response: np.ndarray) -> str:
 
 
 def returns(curve: FollowedCurve, frequency: float) -> list[np.ndarray]:
-    """Return the responses with which the segments of a curve come back to the frequency at which they begin."""
+    """Return the responses at which the segments of a curve return to their first frequency."""
     ways = [np.flatnonzero(curve.segment == segment) for segment in np.unique(curve.segment)]
     ends = [way[-1] for way in ways if len(way) > 1]
     return [curve.response[i] for i in ends if np.isclose(curve.frequency[i], frequency, rtol=1e-12, atol=0.0)]

@@ -76,7 +76,7 @@ def planned_of(scene: Scene, folder: Path, request: Request, options: tuple[str,
 
     Raises
     ------
-    CaseError : samples that make no sense, or that the scene does not allow
+    CaseError : invalid samples, or samples that the scene does not allow
     """
     if not scene.awaits_file:
         number_of_output(scene, request.output)
@@ -170,7 +170,7 @@ def _nominal_in_words(nominal: Sample, name: str, unit: str, groups: Groups) -> 
 
 
 def blocks(planned: Planned) -> list[list[int]]:
-    """Return the samples that are left in blocks, each of one structure, or one by one where all have the same.  Local."""
+    """Return the remaining samples in blocks, one per structure, or singly if all have the same structure.  Local."""
     by_structure: dict[tuple, list[int]] = {}
     for i in planned.left:
         by_structure.setdefault(planned.varied.items(planned.design.values[i], "build"), []).append(i)

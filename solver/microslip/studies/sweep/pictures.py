@@ -125,7 +125,7 @@ def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
         for values_of_axis, which in ((x, "x"), (y, "y")):
             if _is_log(values_of_axis):
                 log_scale(axes, which)
-    cells[1].set(xlabel=of_keys[0][1])  # once, for all three: it may be longer than a cell is wide
+    cells[1].set(xlabel=of_keys[0][1])  # once, for all three: it may be wider than a cell
     cells[0].set(ylabel=_in_lines(of_keys[1][1], _LETTERS))
     page.save(path)
 

@@ -146,7 +146,7 @@ def _effect_in_words(effect: Effect) -> str:
 
 
 def _indices(table: SweepTable) -> list[dict]:
-    """Return main and total Sobol indices of each number with half of the ranges of 95 %, a record each."""
+    """Return main and total Sobol indices of each number with half of the ranges of 95 %, one record each."""
     d = len(table.design.keys)
     rows: list[dict[str, Any]] = [{"key": key} for key in table.design.keys]
     for name in SMOOTH:

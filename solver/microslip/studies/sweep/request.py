@@ -132,7 +132,7 @@ def _percent(text: str) -> tuple[str, tuple[float, str]]:
 
 
 def read_table(path: str) -> Design:
-    """Return the samples of a CSV file whose first line has the keys.  Local.
+    """Return the samples of a CSV file with the keys in its first line.  Local.
 
     Raises
     ------

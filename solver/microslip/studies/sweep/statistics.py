@@ -17,7 +17,7 @@ class Effect:
     key: str
     ends: tuple[float, float]  # of the number: its least and largest, or of samples their percentiles 5 and 95
     low: float  # the amplitude at the first end
-    high: float  # and at the second
+    high: float  # the amplitude at the second end
     explained: float = float("nan")  # share of the variance that all numbers linearly explain; NaN where nothing was fitted
 
     @property
