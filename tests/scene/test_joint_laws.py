@@ -1,4 +1,4 @@
-"""What a joint states of its law: every key arrives, and one that belongs to another law, or is missing, gives one message."""
+"""Keys of the law of a joint: each is read, and a missing key or one of another law gives one message."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from microslip.scene.read import read_scene
 ELASTIC = SCENE[SCENE.index("friction = ") : SCENE.index("[[loads]]")]
 ROUGH = 'law = "rough"\nfriction = 0.3\npreload = 1e6\nroughness_height = 2e-6\n'
 IWAN = 'law = "iwan"\nslip_force = 90.0\ntangential_stiffness = 1e12\nnormal_stiffness = 2e12\nchi = -0.5\nbeta = 0.3\n'
-SECOND = '[[joints]]\nname = "again"\nsurfaces = ["lap_2", "lap_1"]\n'
+SECOND = '[[joints]]\nname = "second"\nsurfaces = ["lap_2", "lap_1"]\n'
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +25,8 @@ def folder(tmp_path_factory):
     return folder
 
 
-def read(folder, own):
-    (folder / "lap.toml").write_text(SCENE.replace(ELASTIC, own))
+def read(folder, law_keys):
+    (folder / "lap.toml").write_text(SCENE.replace(ELASTIC, law_keys))
     return read_scene(folder / "lap.toml")
 
 
@@ -34,7 +34,7 @@ def pairs_of(scene):
     return pair_contacts(read_mesh(scene), scene.joints)
 
 
-def test_every_key_of_a_joint_of_surfaces_arrives(folder):
+def test_every_key_of_a_joint_of_surfaces_reaches_its_law(folder):
     pairs = pairs_of(read(folder, ROUGH + "exponent = 3.0\nroughness_pressure = 8e6\ntangential_ratio = 0.7\nsliders = 9\n"))
     law = pairs.law
     assert type(law).__name__ == "Rough" and law.n_sliders == 9 and np.all(law.exponent == 3.0)
@@ -43,7 +43,7 @@ def test_every_key_of_a_joint_of_surfaces_arrives(folder):
     assert type(law).__name__ == "Iwan" and law.n_sliders == 20 and law.F_S.sum() == pytest.approx(90.0)
 
 
-def test_values_of_points_reach_their_law(folder):
+def test_values_of_a_file_reach_the_law(folder):
     (folder / "values.csv").write_text("x,y,z,preload\n0.09,0.0,0.0,1e6\n0.12,0.0,0.0,4e6\n")
     pairs = pairs_of(read(folder, ROUGH + 'parameters = "values.csv"\n'))
     pressure = pairs.N0 / pairs.area
@@ -54,7 +54,7 @@ def test_values_of_points_reach_their_law(folder):
 
 
 @pytest.mark.parametrize(
-    "own, rows, message",
+    "law_keys, rows, message",
     [
         (ROUGH, "x,y,z,preload\n0.105,0.0,0.0,0.0\n", 'line 2: preload = 0; with law = "rough" it must be above 0'),
         (ROUGH, "x,y,z,gap\n0.105,0.0,0.0,1e-6\n", 'gap is not a value of law = "rough", which takes friction, preload'),
@@ -65,17 +65,17 @@ def test_values_of_points_reach_their_law(folder):
         ),
     ],
 )
-def test_values_of_points_that_a_law_cannot_take(folder, own, rows, message):
+def test_values_that_a_law_does_not_have_are_refused(folder, law_keys, rows, message):
     (folder / "values.csv").write_text(rows)
     with pytest.raises(CaseError) as error:
-        pairs_of(read(folder, own + 'parameters = "values.csv"\n'))
+        pairs_of(read(folder, law_keys + 'parameters = "values.csv"\n'))
     assert message in str(error.value)
 
 
-def test_joints_of_three_laws_side_by_side(folder):
-    pairs = pairs_of(read(folder, f"{ROUGH}{SECOND}{IWAN}{SECOND.replace('again', 'third')}{ELASTIC}"))
+def test_joints_of_three_laws_may_be_combined(folder):
+    pairs = pairs_of(read(folder, f"{ROUGH}{SECOND}{IWAN}{SECOND.replace('second', 'third')}{ELASTIC}"))
     n = pairs.n_pairs // 3
-    assert pairs.joint == ("lap",) * n + ("again",) * n + ("third",) * n
+    assert pairs.joint == ("lap",) * n + ("second",) * n + ("third",) * n
     assert pairs.laws.tolist() == ["rough"] * n + ["iwan"] * n + ["elastic-coulomb"] * n
     stiffness = pairs.law.stiffness
     assert np.array_equal(stiffness[:, 0], pairs.k_t) and np.array_equal(stiffness[:, 2], pairs.k_n)
@@ -83,7 +83,7 @@ def test_joints_of_three_laws_side_by_side(folder):
 
 
 @pytest.mark.parametrize(
-    "own, message",
+    "law_keys, message",
     [
         (ROUGH.replace("roughness_height = 2e-6", ""), "roughness_height is missing: expected the length in m"),
         (ROUGH + "normal_stiffness = 1e12\n", 'normal_stiffness belongs to law = "elastic-coulomb" or "iwan"; this joint has'),
@@ -110,26 +110,26 @@ def test_joints_of_three_laws_side_by_side(folder):
         ),
     ],
 )
-def test_keys_that_do_not_fit_the_law(folder, own, message):
+def test_keys_that_do_not_fit_the_law_are_refused(folder, law_keys, message):
     with pytest.raises(CaseError) as error:
-        read(folder, own)
+        read(folder, law_keys)
     assert '[[joints]] 1 ("lap")' in str(error.value) and message in str(error.value)
 
 
-@pytest.mark.parametrize("own", [ELASTIC, ROUGH, IWAN])
-def test_statics_know_all_laws(folder, own):
-    scene = read(folder, own + '[statics]\n[[statics.pressures]]\ngroup = "lap_1"\npressure = 1e5\n')
+@pytest.mark.parametrize("law_keys", [ELASTIC, ROUGH, IWAN])
+def test_statics_accept_all_laws(folder, law_keys):
+    scene = read(folder, law_keys + '[statics]\n[[statics.pressures]]\ngroup = "lap_1"\npressure = 1e5\n')
     assert scene.statics is not None
 
 
-def with_pairs(folder, own, **changed):
-    """Return the structure of one mass whose pair has other numbers, and what its joint states."""
+def with_pairs(folder, law_keys, **changed):
+    """Return the structure of a mass with other values of its pair and with the keys of a law."""
     path = write_matrix_scene(folder, scenes.spatial_mass() | changed, [0.4], (0.8, 2.4))
-    path.write_text(path.read_text().replace('friction_limit = "circle"', own))
+    path.write_text(path.read_text().replace('friction_limit = "circle"', law_keys))
     return read_structure(read_scene(path))
 
 
-def test_pairs_of_matrices_have_their_law_at_rest_from_the_file(tmp_path):
+def test_pairs_of_matrices_have_the_law_of_the_scene_with_values_of_the_file(tmp_path):
     law = with_pairs(tmp_path, 'law = "iwan"\nchi = -0.3\nbeta = 1.0').pairs.law
     assert law.F_S.tolist() == [0.4] and law.K_T.tolist() == [1.5] and law.chi.tolist() == [-0.3]
     law = with_pairs(tmp_path, 'law = "rough"').pairs.law
@@ -137,7 +137,7 @@ def test_pairs_of_matrices_have_their_law_at_rest_from_the_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "own, changed, message",
+    "law_keys, changed, message",
     [
         ('law = "rough"', {"N0": np.array([-1.0])}, 'n0 = 0; with law = "rough" it must be above 0'),
         ('law = "iwan"\nchi = -0.3\nbeta = 1.0', {"mu": np.array([0.0])}, 'mu = 0; with law = "iwan" it must be above 0'),
@@ -145,7 +145,7 @@ def test_pairs_of_matrices_have_their_law_at_rest_from_the_file(tmp_path):
         ('law = "rough"\nroughness_height = 1e-6', {}, "roughness_height belongs to a joint of surfaces; a CSV file states it"),
     ],
 )
-def test_pairs_of_matrices_that_a_law_cannot_take(tmp_path, own, changed, message):
+def test_values_of_pairs_of_matrices_that_a_law_does_not_have_are_refused(tmp_path, law_keys, changed, message):
     with pytest.raises(CaseError) as error:
-        with_pairs(tmp_path, own, **changed)
+        with_pairs(tmp_path, law_keys, **changed)
     assert message in str(error.value)

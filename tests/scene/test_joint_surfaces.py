@@ -1,4 +1,4 @@
-"""What a joint says of its surfaces: ground, planes, gaps and pairings reach the pairs, and what contradicts itself gives one message."""
+"""Keys of the surfaces of a joint: ground, planes, gaps and pairings reach the pairs; contradictions give one message."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def pairs_of(scene):
     return pair_contacts(read_mesh(scene), scene.joints)
 
 
-def test_keys_reach_the_pairs(folder):
+def test_keys_of_surfaces_reach_the_pairs(folder):
     nodes = pairs_of(read(folder))
     points = pairs_of(read(folder, (TWO, TWO + '\npairing = "points"\ntangent = [0.0, 1.0, 0.0]')))
     assert points.area.sum() == pytest.approx(nodes.area.sum()) and "contact points" in points.notes[0]
@@ -65,6 +65,6 @@ def test_keys_reach_the_pairs(folder):
         ),
     ],
 )
-def test_contradictions(folder, changes, message):
+def test_contradictions_are_refused_with_a_message(folder, changes, message):
     with pytest.raises(CaseError, match=message):
         read(folder, *changes)

@@ -1,4 +1,4 @@
-"""Scene files for matrices: every key arrives, and what belongs to a mesh gives one message that says so."""
+"""Scene files for matrices: every key is read, and a key of a mesh gives one message."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def change(path, old, new):
     path.write_text(text.replace(old, new, 1))
 
 
-def test_every_key_arrives(path):
+def test_every_key_is_read(path):
     scene = read_scene(path)
     assert (scene.model.mesh, scene.model.stiffness, scene.model.mass, scene.model.damping) == (None, "K.mtx", "M.mtx", None)
     assert (scene.joints[0].pairs, scene.joints[0].surfaces, scene.joints[0].friction_limit) == ("pairs.csv", None, "circle")
@@ -39,7 +39,7 @@ def test_every_key_arrives(path):
     assert (scene.outputs[0].dof, scene.outputs[0].direction, scene.solver.modes) == (2, None, None)
 
 
-def test_a_damping_matrix_stands_for_damping(path):
+def test_a_damping_matrix_replaces_damping(path):
     (path.parent / "C.mtx").touch()
     change(path, 'mass = "M.mtx"\n', 'mass = "M.mtx"\ndamping = "C.mtx"\n')
     change(path, DAMPING, "")
@@ -49,7 +49,7 @@ def test_a_damping_matrix_stands_for_damping(path):
 @pytest.mark.parametrize(
     "old, new, expected",
     [
-        # what belongs to a mesh
+        # keys of a mesh
         (
             "[damping]",
             "[materials.a]\nyoung = 1.0\npoisson = 0.3\ndensity = 1.0\n[damping]",

@@ -1,4 +1,4 @@
-"""The methods that a scene may name are those of the registry."""
+"""Methods of the scene equal those of the registry."""
 
 from typing import get_args
 
@@ -6,5 +6,5 @@ from microslip.reduction.methods import METHODS
 from microslip.scene.solution import Method
 
 
-def test_every_registered_method_can_be_named():
+def test_a_scene_may_name_every_registered_method():
     assert set(get_args(Method)) == set(METHODS)

@@ -1,4 +1,4 @@
-"""Keys of a scene that the command line sets: they arrive as if the file said so, and every mistake gives one message."""
+"""Keys of a scene that the command line sets: they have the effect of the file, and every mistake gives one message."""
 
 import pytest
 from scene_files import write_scene
@@ -8,15 +8,15 @@ from microslip.scene.overrides import overridden
 from microslip.scene.read import read_scene
 
 
-def said(folder, *settings):
-    """Return the message for the scene with keys set, without the file's name."""
+def message_of(folder, *settings):
+    """Return the message for the scene with these keys, without the name of the file."""
     path = write_scene(folder)
     with pytest.raises(CaseError) as caught:
         read_scene(path, settings)
     return str(caught.value).removeprefix(f"{path} ")
 
 
-def test_values_arrive_where_they_are_set_and_nothing_else_changes(tmp_path):
+def test_only_the_set_keys_change(tmp_path):
     path = write_scene(tmp_path)
     settings = (
         "joints.dovetail.friction=0.2",
@@ -40,8 +40,8 @@ def test_values_arrive_where_they_are_set_and_nothing_else_changes(tmp_path):
         "materials.titanium.poisson=0.33",
         "solver.between_samples=path",
     )
-    again = read_scene(path, (*settings, *back)).model_dump()
-    assert again == {**plain.model_dump(), "solver": again["solver"]}
+    restored = read_scene(path, (*settings, *back)).model_dump()
+    assert restored == {**plain.model_dump(), "solver": restored["solver"]}
 
 
 @pytest.mark.parametrize("file", ["fine.msh", "../meshes/fine.msh", "./fine.msh", "../../fine.msh", "/of/all/fine.msh"])
@@ -49,19 +49,19 @@ def test_a_path_needs_no_quotes(file):
     assert overridden({}, (f"model.mesh={file}",)) == {"model": {"mesh": file}}
 
 
-def test_a_table_that_the_file_lacks_is_made(tmp_path):
+def test_a_missing_table_is_created(tmp_path):
     path = write_scene(tmp_path)
     assert read_scene(path).continuation is None
     assert read_scene(path, ("continuation.ds_min=1e-5",)).continuation.ds_min == 1e-5
 
 
-def test_what_is_set_is_said_and_the_text_reads_as_the_scene(tmp_path):
+def test_source_and_text_of_the_scene_include_the_set_keys(tmp_path):
     path = write_scene(tmp_path)
     scene = read_scene(path, ("joints.dovetail.friction=0.2", "solver.modes=8"))
     assert scene.source == f"{path} --set joints.dovetail.friction=0.2 --set solver.modes=8"
     assert read_scene(path).source == str(path)
-    (tmp_path / "again.toml").write_text(scene.text)
-    assert read_scene(tmp_path / "again.toml").model_dump() == scene.model_dump()
+    (tmp_path / "written.toml").write_text(scene.text)
+    assert read_scene(tmp_path / "written.toml").model_dump() == scene.model_dump()
 
 
 @pytest.mark.parametrize(
@@ -77,6 +77,6 @@ def test_what_is_set_is_said_and_the_text_reads_as_the_scene(tmp_path):
         ("response.levels.1=3.0", "levels is a key, not a table"),
     ],
 )
-def test_a_mistake_is_said_with_what_was_set(tmp_path, setting, message):
-    text = said(tmp_path, setting)
+def test_a_mistake_is_reported_with_the_set_key(tmp_path, setting, message):
+    text = message_of(tmp_path, setting)
     assert text.startswith(f"--set {setting}: ") and message in text

@@ -1,4 +1,4 @@
-"""Scenes as the user writes them: every key arrives, and every mistake gives one message that names it."""
+"""Scene files: every key is read, and every mistake gives one message that names it."""
 
 import pickle
 
@@ -12,7 +12,7 @@ from microslip.tables.table import Table
 
 
 def message(folder, old, new):
-    """Return the message for the scene with ``old`` replaced by ``new``, without the file's name."""
+    """Return the message for the scene with ``old`` replaced by ``new``, without the name of the file."""
     path = write_scene(folder, old, new)
     with pytest.raises(CaseError) as caught:
         read_scene(path)
@@ -22,7 +22,7 @@ def message(folder, old, new):
     return text.removeprefix(f"{path}: ")
 
 
-def test_every_key_arrives(tmp_path):
+def test_every_key_is_read(tmp_path):
     scene = read_scene(write_scene(tmp_path))
     assert scene.materials["titanium"].model_dump(exclude_none=True) == {"young": 114e9, "poisson": 0.33, "density": 4430.0}
     assert [(name, body.group, body.integration) for name, body in scene.bodies.items()] == [
@@ -39,14 +39,14 @@ def test_every_key_arrives(tmp_path):
     assert (scene.solver.method, scene.solver.modes) == ("adaptive-energy", 20)
 
 
-def test_the_scene_knows_its_file(tmp_path, monkeypatch):
+def test_the_scene_has_path_name_and_text_of_its_file(tmp_path, monkeypatch):
     write_scene(tmp_path)
     monkeypatch.chdir(tmp_path)
     scene = read_scene("fan.toml")
     assert (scene.path, scene.folder, scene.name, scene.text) == (tmp_path / "fan.toml", tmp_path, "fan", GOOD)
 
 
-def test_a_scene_survives_a_broadcast_and_stays_as_it_is(tmp_path):
+def test_a_scene_can_be_pickled_and_is_immutable(tmp_path):
     scene = read_scene(write_scene(tmp_path))
     copy = pickle.loads(pickle.dumps(scene))
     assert copy == scene
@@ -55,7 +55,7 @@ def test_a_scene_survives_a_broadcast_and_stays_as_it_is(tmp_path):
         scene.solver.modes = 3
 
 
-def test_what_may_be_left_out_has_the_documented_default(tmp_path):
+def test_optional_keys_have_the_documented_default(tmp_path):
     scene = read_scene(write_scene(tmp_path, GOOD[GOOD.index("[solver]") :], ""))
     assert (scene.solver.method, scene.solver.modes, scene.solver.harmonics, scene.solver.samples) == ("receptance", None, 3, 128)
     assert (scene.solver.tolerance, scene.solver.verify_modes, scene.solver.in_point_check) == (1e-8, True, False)
@@ -64,7 +64,7 @@ def test_what_may_be_left_out_has_the_documented_default(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("solver", "accuracy", "chosen"),
+    ("solver", "accuracy", "is_chosen"),
     [
         ({}, 1e-2, True),
         ({"samples": 256}, 1e-2, True),
@@ -74,9 +74,9 @@ def test_what_may_be_left_out_has_the_documented_default(tmp_path):
         ({"error_bars": False}, None, False),
     ],
 )
-def test_a_scene_without_harmonics_and_accuracy_has_an_accuracy_of_a_hundredth(solver, accuracy, chosen, tmp_path):
+def test_a_scene_without_harmonics_and_accuracy_has_an_accuracy_of_a_hundredth(solver, accuracy, is_chosen, tmp_path):
     scene = changed(read_scene(write_scene(tmp_path, GOOD[GOOD.index("[solver]") :], "")), {"solver": solver})
-    assert (scene.accuracy, scene.chooses("harmonics")) == (accuracy, chosen)
+    assert (scene.accuracy, scene.chooses("harmonics")) == (accuracy, is_chosen)
     assert response_settings(scene).accuracy == accuracy and reduction_settings(scene).accuracy == (accuracy or 1e-3)
 
 
@@ -89,7 +89,7 @@ def test_windows_files_are_read(tmp_path):
 @pytest.mark.parametrize(
     "old, new, expected",
     [
-        # words that nobody knows
+        # unknown words
         ("[[supports]]", "[[support]]", "[[support]]: unknown table; nearest is [[supports]]"),
         ("[materials.", "[material.", "[material]: unknown table; nearest is [materials.NAME]"),
         ("title", "titel", 'titel: unknown key; nearest is "title"'),
@@ -112,9 +112,9 @@ def test_windows_files_are_read(tmp_path):
         ("title = ", "title = 3 # ", "title = 3: expected a text in quotes"),
         ("[damping]", "[[damping]]", "[damping] = a list of tables: expected a table [damping]"),
         ("[damping]", "[bodies]\nskin = 3\n[damping]", "[bodies.skin] = 3: expected a table with group, material, integration"),
-        # numbers outside sense
+        # numbers out of range
         ("ratio = 1e-3", "rayleigh = [1.0]", "[damping] rayleigh = [1.0]: expected [alpha, beta]"),
-        # what is missing, or too much
+        # missing and redundant keys
         (
             "ratio = 1e-3",
             "ratio = 1e-3\nrayleigh = [1.0, 0.0]",
@@ -127,16 +127,16 @@ def test_windows_files_are_read(tmp_path):
             'mesh = "fan_sector.msh"\nmass = "M.mtx"',
             "[model]: mass belongs to a model given as matrices",
         ),
-        # what does not fit together
+        # contradictions
         ("harmonics = 3", "accuracy = 1e-3\nerror_bars = false", "[solver] error_bars = false: accuracy chooses"),
-        # what belongs to matrices
+        # keys of matrices
         ("position = [0.0, 0.0, 0.26]\ndirection = [1.0, 0.0, 0.0]", "dof = 3", '[[outputs]] 1 ("mid_blade") dof: belongs to'),
         (
             GOOD[GOOD.index("surfaces") : GOOD.index("friction_limit")],
             'pairs = "fan_sector.msh"\n',
             '[[joints]] 1 ("dovetail") pairs: belongs to a model given as matrices; with a mesh, name two surfaces',
         ),
-        # materials with axes of their own
+        # anisotropic materials
         ("114e9", "[1e11, 1e10, 1e10]", "[materials.titanium]: an orthotropic material has three numbers each of young, poisson"),
         (
             "114e9",
@@ -177,19 +177,19 @@ def test_a_mistake_gives_one_message(tmp_path, old, new, expected):
     assert "\n" not in text
 
 
-def test_error_bars_may_be_left_out_where_accuracy_has_modes_alone_to_choose(tmp_path):
+def test_error_bars_are_optional_if_accuracy_chooses_only_modes(tmp_path):
     scene = read_scene(write_scene(tmp_path, "harmonics = 3", "harmonics = 3\naccuracy = 1e-3\nerror_bars = false"))
     assert not scene.solver.error_bars and not scene.chooses("harmonics") and not scene.chooses("samples")
 
 
-def test_statics_ask_for_constant_loads_and_a_method_that_bears_them(tmp_path):
-    computed = message(tmp_path, "harmonics = 3", "harmonics = 0").splitlines()
-    assert computed[0] == "2 mistakes"
+def test_a_static_balance_requires_constant_loads_and_a_suitable_method(tmp_path):
+    lines = message(tmp_path, "harmonics = 3", "harmonics = 0").splitlines()
+    assert lines[0] == "2 mistakes"
     assert (
         "[[loads]] 1 harmonic = 1: [solver] harmonics = 0 is a static balance, in which nothing vibrates; state at least 1"
-        in computed[1]
+        in lines[1]
     )
-    assert '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates' in computed[2]
+    assert '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates' in lines[2]
     constant = GOOD.replace("harmonic = 1", "harmonic = 0").replace("harmonics = 3", "harmonics = 0")
     assert GOOD.count("modes = 20") == 1
     for method, text in {
@@ -200,12 +200,12 @@ def test_statics_ask_for_constant_loads_and_a_method_that_bears_them(tmp_path):
         assert text in message(tmp_path, GOOD, changed)
 
 
-def test_several_mistakes_come_in_one_message_each_once(tmp_path):
+def test_several_mistakes_are_in_one_message(tmp_path):
     lines = message(tmp_path, GOOD[GOOD.index("[damping]") :], '[[loads]]\nnod = 3\n[damping]\nrato = "1e-3"\n').splitlines()
     assert lines[0] == "3 mistakes"
     assert [line.strip().split(": ")[0] for line in lines[1:]] == ["[[loads]] 2 nod", "[damping] rato", "[response] is missing"]
 
 
 @pytest.mark.parametrize("table", Table.__subclasses__())
-def test_every_key_says_what_is_expected_of_it(table):
+def test_every_key_has_a_description(table):
     assert all(field.description for field in table.model_fields.values())
