@@ -45,9 +45,9 @@ def chosen(arguments: argparse.Namespace) -> list[tuple[str, str, object]]:
     return entries[:: arguments.every]
 
 
-def message(said: str) -> str:
-    """Return the message in one line."""
-    return " ".join((said.partition(MARK)[2] or said[-200:]).split())[:400]
+def message(stderr: str) -> str:
+    """Return the error message in a line."""
+    return " ".join((stderr.partition(MARK)[2] or stderr[-200:]).split())[:400]
 
 
 def main() -> None:
@@ -79,7 +79,7 @@ def main() -> None:
                 counts[sort, ranks] = good + (not wrong), n + 1, longest if is_longer else max(longest, ended.seconds)
                 if wrong or arguments.messages:
                     print(
-                        f"{sort}, {ranks} ranks, {name}: {'; '.join(wrong) or 'as it should be'} [{ended.status}, {ended.seconds:.1f} s]\n    {message(ended.said)}",
+                        f"{sort}, {ranks} ranks, {name}: {'; '.join(wrong) or 'as it should be'} [{ended.status}, {ended.seconds:.1f} s]\n    {message(ended.stderr)}",
                         flush=True,
                     )
     print("\n| sort | ranks | entries | as they should be | seconds, at most |\n| --- | ---: | ---: | ---: | ---: |")

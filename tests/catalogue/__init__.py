@@ -1,4 +1,4 @@
-"""The catalogue of what goes wrong: bad inputs and faults as data, and how each is judged.
+"""The catalogue of bad inputs and faults as data, with the checks of their outcome.
 
-``jobs/bench/try_catalogue.py`` starts each of them as a user would; the tests beside this file do it in one process.
+``jobs/bench/try_catalogue.py`` runs each of them as a user would; the tests of this folder run bad inputs in one process.
 """

@@ -1,4 +1,4 @@
-"""Command lines that ask for what there is not, and places that cannot be written to."""
+"""Bad command lines, and output paths that cannot be written."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ COMMANDS = [
     line("--set of a key as a table", "run lap.toml --out out --set model.mesh.x=1", "mesh is a key, not a table"),
     line("--set in a model file", "check bar.inp --set model.scale=2", "bar.inp is a model file; keys belong to a scene"),
     line(
-        "identification of what is not there",
+        "identification of a missing file",
         "identify lap.toml none.csv --out out --fit joints.lap.friction=0.01:10",
         "none.csv",
         "No such file",
@@ -81,14 +81,14 @@ COMMANDS = [
         spoil=written("m.unv", "    -1\n   151\n    -1\n"),
     ),
     line(
-        "a MATLAB file that is none",
+        "an invalid MATLAB file",
         "identify lap.toml m.mat --out out --fit joints.lap.friction=0.1:0.6",
         "m.mat: it cannot be read as a MATLAB file",
         spoil=written("m.mat", "frequency_Hz\n"),
     ),
     line("unknown method to compare", "compare lap.toml --out out --methods full,rubbin", "rubbin", "nearest is rubin"),
     line("unknown parameter of trade", "trade lap.toml --out out --vary mods", "mods", "nearest is modes"),
-    line("mesh to trade that is not there", "trade lap.toml --out out --vary mesh --meshes none.msh", "none.msh", "there is no"),
+    line("missing mesh to trade", "trade lap.toml --out out --vary mesh --meshes none.msh", "none.msh", "there is no"),
     line(
         "another mesh of matrices",
         "trade chain.toml --out out --meshes lap.msh",
@@ -114,7 +114,7 @@ COMMANDS = [
         "--outside skip",
     ),
     line("scatter of no number", "sweep lap.toml --out out --scatter joints.lap.friction=much", "expected KEY=PERCENT"),
-    line("table of samples that is not there", "sweep lap.toml --out out --table none.csv", "none.csv: there is no such file"),
+    line("missing table of samples", "sweep lap.toml --out out --table none.csv", "none.csv: there is no such file"),
     line(
         "table of samples without keys",
         "sweep lap.toml --out out --table table.csv",

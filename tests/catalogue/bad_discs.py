@@ -1,4 +1,4 @@
-"""Discs of sectors that are none: faces, numbers of sectors, waves, supports, joints to the next sector."""
+"""Bad discs: cyclic faces, numbers of sectors, waves, supports, joints to the next sector."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LAWS = "friction = 0.3\ntangential_stiffness = 5.0e11\nnormal_stiffness = 1.0e12
 
 
 def disc(name: str, old: str, new: str, *words: str) -> Case:
-    """Return the scene of the disc with one text replaced."""
+    """Return the scene of the disc with a replaced text."""
     return Case(name, RUN, words, edited("disc.toml", old, new))
 
 
@@ -62,7 +62,7 @@ WAVES = [
     ),
 ]
 
-HELD = [
+SUPPORTED = [
     disc(
         "support of the low face", '"bore"', '"low0"', "break the symmetry", "node 1", "along xyz, its partner 13 along nothing"
     ),
@@ -108,7 +108,7 @@ JOINTS = [
         appended("disc.toml", f'[[joints]]\nname = "cut"\nsurfaces = ["high0", "low0"]\nnext_sector = true\n{LAWS}'),
     ),
     Case(
-        "sectors that nothing joins",
+        "sectors without a connection",
         RUN,
         ("[cyclic] faces is missing", "no joint has next_sector"),
         edited("disc.toml", FACES, "", SHROUDS, '"left0"]\nagainst = "ground"', "next_sector = true\n", ""),
@@ -119,7 +119,7 @@ WHOLE, SECTOR = WAVE + "\nwhole = true", "[[cyclic.sector]]\nnumber = 1\n"
 
 
 def table_of(*rows: str) -> Case:
-    """Return the scene of the disc with a CSV file of factors, and what must be said of it: the last two texts."""
+    """Return the scene of the disc with a CSV file of factors; the last two texts are the name and the message."""
     *lines, name, words = rows
 
     def spoil(folder: Path) -> None:
@@ -130,7 +130,7 @@ def table_of(*rows: str) -> Case:
 
 
 def differing(name: str, more: str, *words: str) -> Case:
-    """Return the scene of a disc whose sectors may differ, with more of its table."""
+    """Return the scene of a disc whose sectors may differ, with further keys of its table."""
     return disc(name, WAVE, f"{WHOLE}\n{more}", *words)
 
 
@@ -160,7 +160,7 @@ DIFFER = [
     ),
     differing("scatter and sectors", "scatter = { load = 0.1, seed = 1 }\n" + SECTOR, "found sector and scatter"),
     differing("blades of no body", 'blades = ["blad"]', "[cyclic] blades: there is no body 'blad'", 'nearest is "blade"'),
-    differing("table that is not there", 'table = "none.csv"', "[cyclic] table", "none.csv"),
+    differing("missing table", 'table = "none.csv"', "[cyclic] table", "none.csv"),
     Case(
         "whole disc by another method",
         RUN,
@@ -218,4 +218,4 @@ STUDIES = [
     ),
 ]
 
-CASES = [*FIT, *WAVES, *HELD, *JOINTS, *DIFFER, *STUDIES]
+CASES = [*FIT, *WAVES, *SUPPORTED, *JOINTS, *DIFFER, *STUDIES]

@@ -1,14 +1,14 @@
-"""Faults of the disk and of solvers that need no patch: places made full or taken, and solvers that are not let to converge."""
+"""Faults of the disk and of solvers that need no patch: full disks, folders at output paths, bad options of solvers."""
 
 from __future__ import annotations
 
 from .case import Case, Spoil, edited
 
-FULL = "/dev/full"  # takes nothing
+FULL = "/dev/full"  # a device without space
 
 
 def full(file: str) -> Spoil:
-    """Return what makes a file one on a full disk."""
+    """Return a function that links a file to a full device."""
 
     def spoil(folder):
         (folder / file).parent.mkdir(exist_ok=True)
@@ -17,8 +17,8 @@ def full(file: str) -> Spoil:
     return spoil
 
 
-def taken(file: str) -> Spoil:
-    """Return what puts a folder, with something in it, where a file is to be written."""
+def blocked(file: str) -> Spoil:
+    """Return a function that makes a folder, with contents, at the path of an output file."""
     return lambda folder: (folder / file / "something").mkdir(parents=True)
 
 
@@ -30,37 +30,37 @@ def solver(name: str, options: str, *words: str, status: int = 3, scene: str = "
     return Case(name, f"run {scene}.toml --out new {options}", words, spoil, status)
 
 
-SAID = ("No space left on device", "make room")
+WORDS = ("No space left on device", "make room")
 DISK = [
-    disk("disk full: frf.csv", full("new/frf.csv"), "frf.csv", *SAID),
-    disk("disk full: report", full("new/report.html.part"), "report.html", *SAID, line="report out/results.h5 --out new"),
-    disk("disk full: picture", full("new/response.png.part"), "response.png", *SAID, line="plot out/results.h5 --out new"),
-    disk("disk full: mat", full("new/results.mat.part"), "results.mat", *SAID, line="convert out/results.h5 --to mat --out new"),
-    disk("disk full: export", full("new/model.npz.part"), "model.npz", *SAID, line="export chain.toml --out new"),
-    disk("disk full: modes", full("new/modes.csv.part"), "modes.csv", *SAID, line="modes chain.toml --out new"),
+    disk("disk full: frf.csv", full("new/frf.csv"), "frf.csv", *WORDS),
+    disk("disk full: report", full("new/report.html.part"), "report.html", *WORDS, line="report out/results.h5 --out new"),
+    disk("disk full: picture", full("new/response.png.part"), "response.png", *WORDS, line="plot out/results.h5 --out new"),
+    disk("disk full: mat", full("new/results.mat.part"), "results.mat", *WORDS, line="convert out/results.h5 --to mat --out new"),
+    disk("disk full: export", full("new/model.npz.part"), "model.npz", *WORDS, line="export chain.toml --out new"),
+    disk("disk full: modes", full("new/modes.csv.part"), "modes.csv", *WORDS, line="modes chain.toml --out new"),
     disk(
         "disk full: comparison",
         full("new/compare.csv.part"),
         "compare.csv",
-        *SAID,
+        *WORDS,
         line="compare chain.toml --methods receptance --out new",
     ),
-    disk("disk full: unv", full("new/results.unv.part"), "results.unv", *SAID, line="convert out/results.h5 --to unv --out new"),
-    disk("disk full: scene", full("bar.toml.part"), "bar.toml", *SAID, line="new bar.inp --out bar.toml"),
-    disk("place taken: frf.csv", taken("new/frf.csv"), "frf.csv: cannot be written: Is a directory", status=2),
-    disk("place taken: results.h5", taken("new/results.h5"), "results.h5: cannot be written: Is a directory", status=2),
-    disk("place taken: results.h5.part", taken("new/results.h5.part"), "results.h5: cannot be written", status=2),
-    disk("place taken: run.log", taken("new/run.log"), "run.log: cannot be written: Is a directory", status=2),
+    disk("disk full: unv", full("new/results.unv.part"), "results.unv", *WORDS, line="convert out/results.h5 --to unv --out new"),
+    disk("disk full: scene", full("bar.toml.part"), "bar.toml", *WORDS, line="new bar.inp --out bar.toml"),
+    disk("path blocked: frf.csv", blocked("new/frf.csv"), "frf.csv: cannot be written: Is a directory", status=2),
+    disk("path blocked: results.h5", blocked("new/results.h5"), "results.h5: cannot be written: Is a directory", status=2),
+    disk("path blocked: results.h5.part", blocked("new/results.h5.part"), "results.h5: cannot be written", status=2),
+    disk("path blocked: run.log", blocked("new/run.log"), "run.log: cannot be written: Is a directory", status=2),
     disk(
-        "place taken: a picture",
-        taken("pictures/response.png"),
+        "path blocked: a picture",
+        blocked("pictures/response.png"),
         "pictures/response.png: cannot be written: Is a directory",
         status=2,
         line="plot out/results.h5 --out pictures",
     ),
     disk(
-        "place taken: report",
-        taken("new/report.html"),
+        "path blocked: report",
+        blocked("new/report.html"),
         "report.html: cannot be written: Is a directory",
         status=2,
         line="report out/results.h5 --out new",
@@ -89,12 +89,7 @@ SOLVERS = [
     ),
     solver("unknown preconditioner", "-- -static_pc_type luu", "PETSc refuses an option", "luu", status=2),
     solver("unknown factor", "-- -static_pc_factor_mat_solver_type mumpss", "mumpss", "-static_", status=2),
-    solver(
-        "an option that nobody reads",
-        "-- -hb_snes_maxit 5",
-        "-hb_snes_maxit: no solver of this run reads this PETSc option",
-        status=2,
-    ),
+    solver("an unused option", "-- -hb_snes_maxit 5", "-hb_snes_maxit: no solver of this run reads this PETSc option", status=2),
     solver(
         "statics that push the body away",
         "",

@@ -1,4 +1,4 @@
-"""Matrices, tables of their rows, pairs and forces that cannot be used."""
+"""Bad matrices, tables of their rows, pairs and forces."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ BLOCKS = "run blocks/scene.toml --out out"
 
 
 def chain(name: str, spoil: Spoil, *words: str) -> Case:
-    """Return the scene of the chain of masses with one of its files spoiled."""
+    """Return the scene of the chain of masses with a spoiled file."""
     return Case(name, RUN, words, spoil)
 
 
 def blocks(name: str, spoil: Spoil, *words: str) -> Case:
-    """Return the scene of the blocks, whose rows are of nodes, with one of its files spoiled."""
+    """Return the scene of the blocks, whose rows belong to nodes, with a spoiled file."""
     return Case(name, BLOCKS, words, spoil)
 
 
@@ -29,7 +29,7 @@ def stated(old: str, new: str) -> Spoil:
 
 
 def changed(file: str, change) -> Spoil:
-    """Return what replaces the matrix A of a file by ``change(A)``, written in full."""
+    """Return a function that replaces the matrix A of a file by ``change(A)``, written as general matrix."""
 
     def spoil(folder: Path) -> None:
         A = change(np.asarray(sp.csr_matrix(scipy.io.mmread(folder / file)).todense()))
@@ -39,7 +39,7 @@ def changed(file: str, change) -> Spoil:
 
 
 def entry(i: int, j: int, value: float):
-    """Return a change of one entry."""
+    """Return a function that changes an entry."""
 
     def change(A):
         A = A.copy()
@@ -50,7 +50,7 @@ def entry(i: int, j: int, value: float):
 
 
 def into(ending: str, write) -> Spoil:
-    """Return what writes the stiffness into another file by ``write(path, A)``, and names that."""
+    """Return a function that writes the stiffness to another file by ``write(path, A)`` and names it in the scene."""
 
     def spoil(folder: Path) -> None:
         A = np.asarray(sp.csr_matrix(scipy.io.mmread(folder / "K.mtx")).todense())
@@ -60,8 +60,8 @@ def into(ending: str, write) -> Spoil:
     return spoil
 
 
-def no_file(ending: str, content: bytes = NOISE) -> Spoil:
-    """Return what names a file of another format for the stiffness, and puts something else into it."""
+def invalid_file(ending: str, content: bytes = NOISE) -> Spoil:
+    """Return a function that names a file of another format for the stiffness, with invalid content."""
     return all_of(stated('"K.mtx"', f'"K.{ending}"'), written(f"K.{ending}", content))
 
 
@@ -108,10 +108,10 @@ MATRICES = [
         "chain.toml: [model] damping",
         "feeds energy in",
     ),
-    chain(".npz of noise", no_file("npz"), "K.npz"),
+    chain(".npz of noise", invalid_file("npz"), "K.npz"),
     chain(".npz of objects", into("npz", lambda path, A: np.savez(path, K=np.array([{}], dtype=object))), "K.npz"),
     chain(".npz of two matrices", into("npz", lambda path, A: np.savez(path, A=A, B=A)), "K.npz", "A, B"),
-    chain(".mat of noise", no_file("mat"), "K.mat"),
+    chain(".mat of noise", invalid_file("mat"), "K.mat"),
     chain(
         ".mat of no such name",
         all_of(into("mat", lambda path, A: scipy.io.savemat(path, {"KAA": A})), stated("K.mat", "K.mat:KGG")),
@@ -119,21 +119,23 @@ MATRICES = [
         "KGG",
         "KAA",
     ),
-    chain(".op4 of noise", no_file("op4"), "K.op4"),
-    chain(".op2 of noise", no_file("op2"), "K.op2"),
-    chain(".full of noise", no_file("full"), "K.full"),
-    chain(".petsc of noise", no_file("petsc"), "K.petsc"),
-    chain(".petsc of a billion rows", no_file("petsc", np.array([1211216, 10**9, 10**9, 10**9], ">i4").tobytes()), "K.petsc"),
-    chain(".rua of noise", no_file("rua"), "K.rua"),
-    chain(".pch of noise", no_file("pch"), "K.pch"),
-    chain(".sub of Ansys", no_file("sub"), "K.sub"),
+    chain(".op4 of noise", invalid_file("op4"), "K.op4"),
+    chain(".op2 of noise", invalid_file("op2"), "K.op2"),
+    chain(".full of noise", invalid_file("full"), "K.full"),
+    chain(".petsc of noise", invalid_file("petsc"), "K.petsc"),
+    chain(
+        ".petsc of a billion rows", invalid_file("petsc", np.array([1211216, 10**9, 10**9, 10**9], ">i4").tobytes()), "K.petsc"
+    ),
+    chain(".rua of noise", invalid_file("rua"), "K.rua"),
+    chain(".pch of noise", invalid_file("pch"), "K.pch"),
+    chain(".sub of Ansys", invalid_file("sub"), "K.sub"),
 ]
 
 HEADER = "x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n"
 
 
 def pairs(name: str, row: str, *words: str) -> Case:
-    """Return the chain with a row of pairs in place of its own."""
+    """Return the chain with another row of pairs."""
     return chain(name, written("pairs.csv", HEADER + row + "\n"), "pairs.csv", *words)
 
 

@@ -1,4 +1,4 @@
-"""Model files that cannot be read, and scenes that do not fit theirs: groups, surfaces, supports, places."""
+"""Bad model files, and scenes that do not fit their model file: groups, surfaces, supports, positions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ RUN = "run lap.toml --out out"
 
 
 def mesh(name: str, spoil: Spoil, *words: str) -> Case:
-    """Return the scene of the lap joint with its mesh spoiled."""
+    """Return the scene of the lap joint with a spoiled mesh."""
     return Case(name, RUN, words, spoil)
 
 
@@ -24,7 +24,7 @@ def with_more(name: str, text: str, *words: str) -> Case:
 
 
 def node(number: int, words: str) -> Spoil:
-    """Return what replaces the coordinates of a node of lap.msh."""
+    """Return a function that replaces the coordinates of a node of lap.msh."""
 
     def spoil(folder: Path) -> None:
         lines = (folder / "lap.msh").read_text().splitlines()
@@ -36,7 +36,7 @@ def node(number: int, words: str) -> Spoil:
 
 
 def volume(change) -> Spoil:
-    """Return what changes the words of the first hexahedron of lap.msh: number, kind, tags, nodes."""
+    """Return a function that changes the words of the first hexahedron of lap.msh: number, kind, tags, nodes."""
 
     def spoil(folder: Path) -> None:
         lines = (folder / "lap.msh").read_text().splitlines()
@@ -48,7 +48,7 @@ def volume(change) -> Spoil:
 
 
 def to_msh(file: str, content: str = "solid x\nendsolid x\n") -> Spoil:
-    """Return what names another file as the mesh, and writes that."""
+    """Return a function that writes another file and names it as the mesh."""
     return all_of(edited("lap.toml", "lap.msh", file), written(file, content))
 
 
@@ -81,7 +81,7 @@ GMSH = [
         "lap.msh",
         "group",
     ),
-    mesh("more nodes promised than there are", edited("lap.msh", "$Nodes\n", "$Nodes\n9"), "lap.msh"),
+    mesh("more nodes announced than present", edited("lap.msh", "$Nodes\n", "$Nodes\n9"), "lap.msh"),
     mesh("node of nan", node(5, "nan 0.0 0.0"), "lap.msh", "not a finite number", "node 5 at"),
     Case("check of a node of nan", "check lap.toml", ("lap.msh", "not a finite number", "node 5 at"), node(5, "nan 0.0 0.0")),
     mesh("node far away", node(5, "1e300 0.0 0.0"), "lap.msh"),
@@ -95,7 +95,7 @@ GMSH = [
         "det J = -",
     ),
     mesh("element of one node eight times", volume(lambda words: [*words[:-8], *8 * [words[-1]]]), "lap.msh"),
-    mesh("element of a node that is not there", volume(lambda words: [*words[:-1], "99999"]), "lap.msh", "99999"),
+    mesh("element of a missing node", volume(lambda words: [*words[:-1], "99999"]), "lap.msh", "99999"),
     mesh("element of seven nodes", volume(lambda words: words[:-1]), "lap.msh"),
     mesh("element of an unknown kind", volume(lambda words: [words[0], "199", *words[2:]]), "lap.msh", "199"),
 ]
@@ -139,7 +139,7 @@ STATED = [
     ),
     Case("GRID of words", "run bar_bdf.toml --out out", ("bar.bdf",), edited("bar.bdf", "GRID*,101,,", "GRID*,101,,x")),
     Case(
-        "CHEXA of a node that is not there",
+        "CHEXA of a missing node",
         "run bar_bdf.toml --out out",
         ("bar.bdf", "99999"),
         edited("bar.bdf", "CHEXA,1,1,101", "CHEXA,1,1,99999"),
@@ -185,7 +185,7 @@ GROUPS = [
     lap("output in millimetres", "[0.21, 0.0, 0.0]", "[210.0, 0.0, 0.0]", "[[outputs]] 'tip' position", "from the nearest node"),
     with_more("tie of no group", '[[ties]]\nsurfaces = ["tip", "nothing"]\n', "[[ties]] 'tip to nothing' surfaces = 'nothing'"),
     with_more(
-        "tie far apart",
+        "tie of distant surfaces",
         '[[ties]]\nname = "glue"\nsurfaces = ["clamp", "tip"]\n',
         "tie 'glue'",
         "4 of 4 nodes of 'clamp'",
@@ -225,13 +225,13 @@ GROUPS = [
         "'tpi'",
     ),
     with_more(
-        "surface of a name that is taken",
+        "surface with the name of a group",
         '[[surfaces]]\nname = "tip"\nbodies = ["left", "right"]\n',
         "'tip'",
         "has this name already",
     ),
     with_more(
-        "surface of bodies apart",
+        "surface of distant bodies",
         '[[surfaces]]\nname = "s"\nbodies = ["left", "right"]\nnormal = [1.0, 0.0, 0.0]\n',
         "[[surfaces]] 's'",
         "no face of",
@@ -239,8 +239,8 @@ GROUPS = [
 ]
 
 FIT = [
-    lap("joint of surfaces apart", '"lap_2"]', '"clamp"]', "joint 'lap'", "have no partner within", "the worst is node"),
-    lap("sides that look the same way", '["lap_1", "lap_2"]', '["tip", "clamp"]', "joint 'lap'"),
+    lap("joint of distant surfaces", '"lap_2"]', '"clamp"]', "joint 'lap'", "have no partner within", "the worst is node"),
+    lap("sides with equal normals", '["lap_1", "lap_2"]', '["tip", "clamp"]', "joint 'lap'"),
     Case(
         "nodes that do not match",
         RUN,
@@ -261,7 +261,7 @@ FIT = [
         "joint 'lap'",
     ),
     lap(
-        "body on its own",
+        "unsupported body",
         '[[joints]]\nname = "lap"\nsurfaces = ["lap_1", "lap_2"]\nfriction = 0.3\ntangential_stiffness = 1e12\nnormal_stiffness = 1e12\npreload = 1e6\n',
         "",
         "nothing holds body 'right'",
@@ -283,7 +283,7 @@ FIT = [
         "cannot be held",
     ),
     lap(
-        "load on what is held",
+        "load on supported nodes",
         'group = "tip"',
         'group = "clamp"',
         "lap.toml: [[loads]] 1 acts only on degrees of freedom that a support fixes",
@@ -294,7 +294,7 @@ FIT = [
         'friction = 0.3\nparameters = "values.csv"',
         'parameters = "values.csv": there is no such file',
     ),
-    lap("field that is not there", "friction = 0.3", 'friction = 0.3\nfields = { preload = "p" }', "joint 'lap'", "'p'"),
+    lap("missing field", "friction = 0.3", 'friction = 0.3\nfields = { preload = "p" }', "joint 'lap'", "'p'"),
 ]
 
 

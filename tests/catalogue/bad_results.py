@@ -1,4 +1,4 @@
-"""Result files that are damaged, or are none, for the commands that show them."""
+"""Damaged and invalid result files for the commands that read them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from .case import NOISE, Case, Spoil, cut, made_a_folder, made_a_loop, removed, written
 
-FILE = "copy.h5"  # of the results, so that the earlier ones stay
+FILE = "copy.h5"  # a copy, so that the earlier results are unchanged
 
 
 def of_hdf5(change: Callable[[h5py.File], None]) -> Spoil:
-    """Return what changes a copy of the results by ``change(file)``."""
+    """Return a function that changes the copy of the results by ``change(file)``."""
 
     def spoil(folder: Path) -> None:
         with h5py.File(folder / FILE, "r+") as file:
@@ -28,7 +28,7 @@ def plot(name: str, spoil: Spoil, *words: str) -> Case:
 
 
 def replaced(name: str, values) -> Spoil:
-    """Return what puts other values into a dataset."""
+    """Return a function that replaces the values of a dataset."""
 
     def change(file: h5py.File) -> None:
         del file[name]
@@ -42,7 +42,7 @@ def without(name: str) -> Spoil:
 
 
 def linked(name: str) -> Spoil:
-    """Return what makes a dataset a link into another file."""
+    """Return a function that replaces a dataset by a link to another file."""
 
     def change(file: h5py.File) -> None:
         del file[name]
@@ -52,13 +52,13 @@ def linked(name: str) -> Spoil:
 
 
 def _huge(file: h5py.File) -> None:
-    """Claim a hundred gigabytes in a few bytes."""
+    """Make a dataset of nearly a hundred gigabytes that takes a few bytes."""
     del file["levels/0000/response"]
     file.create_dataset("levels/0000/response", (10**6, 10**4), "f8", chunks=(10, 10), compression="gzip")
 
 
 def _virtual(file: h5py.File) -> None:
-    """Take the frequencies from another file."""
+    """Make a virtual dataset of frequencies in another file."""
     n = len(file["levels/0000/frequency_Hz"])
     del file["levels/0000/frequency_Hz"]
     layout = h5py.VirtualLayout((n,), "f8")

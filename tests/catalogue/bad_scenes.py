@@ -1,4 +1,4 @@
-"""Scene files that say what cannot be, each in one place: found before any model file is opened."""
+"""Scene files with a single mistake each, which is detected before a model file is opened."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ RUN = "run lap.toml --out out"
 
 
 def lap(name: str, old: str, new: str, *words: str) -> Case:
-    """Return the scene of the lap joint with one text in place of another."""
+    """Return the scene of the lap joint with a replaced text."""
     return Case(name, RUN, words, edited("lap.toml", old, new))
 
 
 def with_more(name: str, text: str, *words: str) -> Case:
-    """Return the scene of the lap joint with more tables."""
+    """Return the scene of the lap joint with further tables."""
     return Case(name, RUN, words, appended("lap.toml", text))
 
 
@@ -72,9 +72,9 @@ MISSING = [
             "lap.toml", "levels = [1.0]", "levels = [1.0]\nstability = true", "ratio = 0.01", "ratio = 0.01\nstructural = 0.01"
         ),
     ),
-    lap("levels beyond all", "levels = [1.0]", "levels = [1e200]", "[response] levels = [1e+200]", "at most 1e100"),
+    lap("levels out of range", "levels = [1.0]", "levels = [1e200]", "[response] levels = [1e+200]", "at most 1e100"),
     Case(
-        "mode beyond all",
+        "mode out of range",
         RUN,
         ("[response] mode = 99999: the structure has only",),
         edited("lap.toml", "frequencies = [10.0, 1000.0]", "mode = 99999\nspan = [0.9, 1.1]", "modes = 5\n", ""),
@@ -176,7 +176,7 @@ VALUES = [
     lap("empty range", "[10.0, 1000.0]", "[10.0, 10.0]", "[response] frequencies = [10.0, 10.0]", "the lower one first"),
     lap("range from above", "[10.0, 1000.0]", "[1000.0, 10.0]", "[response] frequencies = [1000.0, 10.0]", "the lower one first"),
     lap("range from 0", "[10.0, 1000.0]", "[0.0, 10.0]", "[response] frequencies = [0.0, 10.0]", "above 0"),
-    lap("range beyond all sense", "[10.0, 1000.0]", "[10.0, 1e10]", "[response] frequencies", "at most 1e9"),
+    lap("frequencies out of range", "[10.0, 1000.0]", "[10.0, 1e10]", "[response] frequencies", "at most 1e9"),
     lap(
         "frequency outside the range",
         "points = 20",
@@ -279,7 +279,7 @@ CONTRADICTIONS = [
     ),
     lap("load at two places", 'group = "tip"', 'group = "tip"\nnode = 3', "found node and group"),
     lap(
-        "load in a harmonic that is left out",
+        "load in an omitted harmonic",
         'group = "tip"',
         'group = "tip"\nharmonic = 5',
         "harmonic = 5: [solver] harmonics = 3 leaves it out",
@@ -291,7 +291,7 @@ CONTRADICTIONS = [
         "[[loads]] 1 dof: belongs to a model given as matrices",
     ),
     lap(
-        "material that is not there",
+        "missing material",
         'material = "steel"\n[bodies.right]',
         'material = "stel"\n[bodies.right]',
         '[bodies.left] material = "stel"',
@@ -304,7 +304,7 @@ CONTRADICTIONS = [
         '[bodies.right] group = "beam_1": [bodies.left] has it already',
     ),
     lap("preload by no statics", "preload = 1e6", 'preload = "static"', 'preload = "static": there is no table [statics]'),
-    lap("axis about which nothing turns", 'mesh = "lap.msh"', AXIS, "[model] axis: nothing turns"),
+    lap("axis without rotation", 'mesh = "lap.msh"', AXIS, "[model] axis: nothing turns"),
     lap(
         "error bars needed and refused",
         "modes = 5",
@@ -312,7 +312,7 @@ CONTRADICTIONS = [
         "error_bars = false: accuracy chooses",
     ),
     lap(
-        "an accuracy that is not stated",
+        "accuracy_of without accuracy",
         "modes = 5",
         'modes = 5\naccuracy_of = "corrected"',
         "accuracy_of has no effect without accuracy",
@@ -349,13 +349,13 @@ CONTRADICTIONS = [
         '[[outputs]] name = "tip" is used 2 times',
     ),
     with_more(
-        "point that is not there",
+        "missing point",
         '[[loads]]\npoint = "q"\ndirection = [1.0, 0.0, 0.0]\n',
         '[[loads]] 2 point = "q": there is no such point',
     ),
     with_more("tie of one surface", '[[ties]]\nsurfaces = ["tip", "tip"]\n', "[[ties]] 1 surfaces", "two different groups"),
     with_more(
-        "pressure that travels and turns",
+        "travelling pressure with an engine order",
         '[[loads]]\ngroup = "tip"\npressure = 1.0\ntravelling = [1.0, 0.0, 0.0]\nengine_order = 2\n',
         "exactly one of travelling, engine_order",
     ),

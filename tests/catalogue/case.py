@@ -1,4 +1,4 @@
-"""An entry of the catalogue, and the ways in which a sound file is spoiled."""
+"""An entry of the catalogue, and functions that spoil a sound file."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ Spoil = Callable[[Path], None]
 
 @dataclass(frozen=True)
 class Case:
-    """A bad input: sound files, of which one is spoiled, a command line, and what must come of it."""
+    """A bad input: sound files, of which one is spoiled, a command line, and the expected outcome."""
 
     name: str
     line: str  # the command line, its paths relative to the folder of the files
-    words: tuple[str, ...]  # that the message must hold
+    words: tuple[str, ...]  # which the message must contain
     spoil: Spoil | None = None  # called with the folder; None: the command line is at fault
     status: int = 2
-    not_by_root: bool = False  # whom no permission stops
+    not_by_root: bool = False  # True: permissions are at fault, which do not apply to root
 
 
 def edited(file: str, *changes: str) -> Spoil:
-    """Return what replaces in a file the first of each pair of texts by the second."""
+    """Return a function that replaces in a file the first of each pair of texts by the second."""
 
     def spoil(folder: Path) -> None:
         text = (folder / file).read_text()
@@ -44,7 +44,7 @@ def appended(file: str, text: str) -> Spoil:
 
 
 def written(file: str, content: str | bytes) -> Spoil:
-    """Return what puts other content into a file."""
+    """Return a function that replaces the content of a file."""
 
     def spoil(folder: Path) -> None:
         (folder / file).write_bytes(content.encode() if isinstance(content, str) else content)
@@ -53,7 +53,7 @@ def written(file: str, content: str | bytes) -> Spoil:
 
 
 def cut(file: str, share: float = 0.5) -> Spoil:
-    """Return what leaves only the first part of a file."""
+    """Return a function that truncates a file."""
     return lambda folder: os.truncate(folder / file, int(share * (folder / file).stat().st_size))
 
 
@@ -70,7 +70,7 @@ def made_a_folder(file: str) -> Spoil:
 
 
 def made_a_loop(file: str) -> Spoil:
-    """Return what makes a file a symbolic link to itself."""
+    """Return a function that makes a file a symbolic link to itself."""
 
     def spoil(folder: Path) -> None:
         (folder / file).unlink(missing_ok=True)
@@ -85,8 +85,8 @@ def forbidden(file: str) -> Spoil:
 
 def all_of(*spoils: Spoil) -> Spoil:
     def spoil(folder: Path) -> None:
-        for one in spoils:
-            one(folder)
+        for each in spoils:
+            each(folder)
 
     return spoil
 

@@ -1,4 +1,4 @@
-"""Entries of the catalogue in processes of their own, on some ranks, with a time limit that kills all of them."""
+"""Entries of the catalogue in separate processes, on some ranks, with a time limit."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .faults import FIRST, Fault
 from .judge import Ended, violations, violations_of_fault
 from .sound import EARLIER, fingerprint
 
-LIMIT = 300.0  # s: longer is a hang
+LIMIT = 300.0  # s; a longer run hangs
 FAULTS = Path(__file__).parents[1] / "faults.py"
 
 
 def run(
     arguments: Sequence[str], ranks: int, cwd: Path, launcher: Sequence[str] = (), variables: dict[str, str] | None = None
 ) -> Ended:
-    """Run Python with arguments on some ranks and return how it ended.  Local."""
+    """Run Python with arguments on some ranks and return its outcome.  Local."""
     command = [MPIRUN, "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
     began = time.monotonic()
     process = subprocess.Popen(
@@ -39,18 +39,18 @@ def run(
         text=True,
         errors="replace",
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # which jobs in the background have ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # jobs in the background ignore it
     )
     try:
-        said, status = process.communicate(timeout=LIMIT)[1], process.returncode
+        stderr, status = process.communicate(timeout=LIMIT)[1], process.returncode
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGTERM)  # the launcher ends its ranks
-        said, status = process.communicate()[1], None
-    return Ended(status, said, time.monotonic() - began)
+        stderr, status = process.communicate()[1], None
+    return Ended(status, stderr, time.monotonic() - began)
 
 
 def bad_input(case: Case, sound: Path, folder: Path, ranks: int) -> tuple[Ended, list[str]]:
-    """Run a bad input in a new folder, and return how it ended and what was wrong with that.  Local."""
+    """Run a bad input in a new folder; return its outcome and violations.  Local."""
     shutil.copytree(sound, folder)
     if case.spoil is not None:
         case.spoil(folder)
@@ -59,10 +59,10 @@ def bad_input(case: Case, sound: Path, folder: Path, ranks: int) -> tuple[Ended,
     return ended, violations(ended, case, earlier, fingerprint(folder / EARLIER), LIMIT)
 
 
-def fault(case: Fault, sound: Path, folder: Path, ranks: int, again: bool = True) -> tuple[Ended, list[str]]:
-    """Run with a fault in a new folder, then without; return how the first ended and what was wrong with both.  Local.
+def fault(case: Fault, sound: Path, folder: Path, ranks: int, repeat: bool = True) -> tuple[Ended, list[str]]:
+    """Run with a fault in a new folder, then without; return the first outcome and the violations of both.  Local.
 
-    The seconds of the first are those from the fault to the end, where the fault came.
+    The seconds of the outcome are those from the fault to the end, if the fault occurred.
     """
     shutil.copytree(sound, folder)
     if case.before is not None:
@@ -75,6 +75,6 @@ def fault(case: Fault, sound: Path, folder: Path, ranks: int, again: bool = True
     ended = run([*start, *line], ranks, folder, case.launcher, case.variables | {"FAULT_AT": str(mark)})
     after = time.time() - float(mark.read_text()) if mark.exists() else None
     wrong = violations_of_fault(ended, after, case, ranks, earlier, fingerprint(folder / EARLIER))
-    if again and (then := run(["-m", "microslip", *line], ranks, folder)).status != 0:
-        wrong.append(f"the same command does not end well then: status {then.status}, {then.said[-200:]!r}")
+    if repeat and (then := run(["-m", "microslip", *line], ranks, folder)).status != 0:
+        wrong.append(f"the same command fails afterwards: status {then.status}, {then.stderr[-200:]!r}")
     return (ended if after is None else replace(ended, seconds=after)), wrong

@@ -1,4 +1,4 @@
-"""The sound files that the catalogue spoils: scenes, meshes of every format, matrices, tables, results of an earlier run."""
+"""The sound files that the catalogue spoils: scenes, models of every format, matrices, tables, results of an earlier run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from synthetic_results import branch, two_flanks, write
 
 from microslip.scene.toml_text import as_toml
 
-EARLIER = "out"  # holds the results of an earlier run, which must stay as they are
+EARLIER = "out"  # folder of the results of an earlier run, which must not change
 MODELS = ("inp", "cdb", "bdf", "unv", "exo", "e", "vtu")
 
 
@@ -45,7 +45,7 @@ def _write_chain(folder: Path) -> None:
 
 
 def _write_disc(folder: Path) -> None:
-    """Write disc.toml with the mesh of a shrouded sector; bent.msh with a node moved, and pie.msh, which reaches the axis."""
+    """Write disc.toml with the mesh of a shrouded sector, bent.msh with a displaced node, and pie.msh up to the axis."""
     end = "[damping]\nratio = 0.01\n[response]\nlevels = [10.0]\nfrequencies = [1400.0, 1500.0]\npoints = 8\n"
     end += "[solver]\nmodes = 8\nharmonics = 1\nerror_bars = false\n"
     write_sector(folder, 5, end, name="disc", how={"shroud": True})
@@ -63,13 +63,13 @@ def _write_disc(folder: Path) -> None:
 
 
 def _write_blocks(folder: Path) -> None:
-    """Write matrices whose rows are of nodes, with dofs.csv and pairs of nodes."""
+    """Write matrices whose rows belong to nodes, with dofs.csv and pairs of nodes."""
     folder.mkdir()
     write_blocks(folder, in_format(folder, "mtx"), NODE_PAIRS)
 
 
 def _write_models(folder: Path) -> None:
-    """Write the bar on a plate as the files of other programs, each with its scene."""
+    """Write the bar on a plate in the formats of other programs, each with a scene."""
     model = plain()
     for ending, text in (("inp", inp), ("cdb", cdb), ("bdf", bdf), ("unv", unv)):
         (folder / f"bar.{ending}").write_text(text(model))
@@ -92,7 +92,7 @@ def _write_vtu(model, path: Path) -> None:
 
 
 def _write_results(folder: Path) -> None:
-    """Write what an earlier run has left."""
+    """Write results of an earlier run."""
     folder.mkdir()
     pairs = two_flanks(3, 1)
     write(folder, [branch(level, pairs, n_points=20) for level in (1.0, 8.0)], pairs)
@@ -101,6 +101,6 @@ def _write_results(folder: Path) -> None:
 
 
 def fingerprint(folder: Path) -> dict[str, str]:
-    """Return what tells whether the results in a folder are as they were: a digest of each file but the logs.  Local."""
+    """Return a digest of each file of results in a folder, without logs, to detect changes.  Local."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.suffix != ".log"]
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

@@ -1,4 +1,4 @@
-"""Every bad input of the catalogue ends with its status and one message on all ranks, and leaves earlier results alone."""
+"""Every bad input of the catalogue ends with its status and one message on all ranks, and does not change earlier results."""
 
 import faulthandler
 import os
@@ -18,12 +18,12 @@ from microslip.__main__ import main
 from microslip.parallel.agree import on_root
 
 SEED = os.environ.get("CATALOGUE_SEED")
-LIMIT = 30.0  # s: these take hundredths, on a machine that others do not keep busy
+LIMIT = 30.0  # s; on an idle machine they take hundredths
 
 
 @pytest.fixture(scope="module")
 def sound(comm, tmp_path_factory):
-    """The folder of the sound files, the same on all ranks."""
+    """Return the folder of the sound files, the same on all ranks."""
 
     def write():
         folder = tmp_path_factory.mktemp("sound")
@@ -35,7 +35,7 @@ def sound(comm, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def limit(capfd):
-    """End all ranks where one hangs, also inside a library, and say where."""
+    """End all ranks with a traceback if a rank hangs, also inside a library."""
     with capfd.disabled():
         screen = os.dup(2)
     faulthandler.dump_traceback_later(3.0 * LIMIT, exit=True, file=screen)
@@ -46,9 +46,9 @@ def limit(capfd):
 
 @pytest.fixture
 def place(comm, sound, tmp_path, monkeypatch):
-    """Return what to call with a case: the folder where its files lie, spoiled, and where all ranks are then.  Collective.
+    """Return a function that copies and spoils the files of a case, enters and returns their folder.  Collective.
 
-    A run that gets as far draws no pictures.
+    A run draws no pictures.
     """
     monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
     folder = comm.bcast(tmp_path) / "here"
@@ -70,7 +70,7 @@ def place(comm, sound, tmp_path, monkeypatch):
 
 @contextmanager
 def petsc_options(line):
-    """Give PETSc what follows ``--``: it takes a command line only once, and this process has had its own."""
+    """Set the PETSc options after ``--``, since PETSc reads a command line only once in a process."""
     words = line.partition(" -- ")[2].split()
     given = {name[1:]: value for name, value in zip(words[::2], words[1::2]) if name.startswith("-")}
     options = PETSc.Options()
@@ -81,13 +81,13 @@ def petsc_options(line):
         options.delValue(name)
 
 
-ON_RANK_0 = ("scene", "command", "results")  # are refused by rank 0 before the others do anything of their own
+ON_RANK_0 = ("scene", "command", "results")  # rank 0 refuses them before other ranks start work
 
 
 def entry(number, sort, case):
-    """Return a case as a parameter: on two ranks, or on one where rank 0 alone finds it; a sample of either on the others.
+    """Return a case as a parameter: on two ranks, or on one where rank 0 detects it; a sample also on other numbers.
 
-    With CATALOGUE_SEED in the environment on any number of ranks.
+    With CATALOGUE_SEED in the environment each case runs on any number of ranks.
     """
     if SEED:
         return pytest.param(case, id=case.name)
@@ -97,7 +97,7 @@ def entry(number, sort, case):
 
 
 def entries():
-    """Return all cases as parameters, in an order that CATALOGUE_SEED shuffles."""
+    """Return all cases as parameters, shuffled with CATALOGUE_SEED."""
     entries = [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)]
     if SEED:
         random.Random(SEED).shuffle(entries)
@@ -107,20 +107,20 @@ def entries():
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error::RuntimeWarning", "error::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("case", entries())
-def test_a_bad_input(comm, place, capfd, case):
+def test_a_bad_input_ends_with_its_status_and_one_message(comm, place, capfd, case):
     if case.not_by_root and os.geteuid() == 0:
-        pytest.skip("no permission stops root")
+        pytest.skip("permissions do not apply to root")
     folder = place(case)
     earlier = on_root(comm, fingerprint, folder / EARLIER)
     began = time.monotonic()
     with petsc_options(case.line):
         status = main(case.line.split())
     seconds = comm.allreduce(time.monotonic() - began) / comm.size
-    said = "".join(comm.allgather(capfd.readouterr().err))
-    assert set(comm.allgather(status)) == {case.status}, said
-    computed = on_root(comm, fingerprint, folder / EARLIER)
-    assert not violations(Ended(status, said, seconds), case, earlier, computed, LIMIT), said
+    stderr = "".join(comm.allgather(capfd.readouterr().err))
+    assert set(comm.allgather(status)) == {case.status}, stderr
+    later = on_root(comm, fingerprint, folder / EARLIER)
+    assert not violations(Ended(status, stderr, seconds), case, earlier, later, LIMIT), stderr
 
 
-def test_the_catalogue_is_as_large_as_it_says():
+def test_the_catalogue_has_at_least_400_distinct_bad_inputs():
     assert len({case.name for case in CASES}) == len(CASES) >= 400
