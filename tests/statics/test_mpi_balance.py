@@ -16,21 +16,21 @@ from microslip.statics.balance import BodiesAtRest, check_balance, in_words
 from microslip.statics.equilibrium import Rest
 from microslip.statics.loaded import Loaded
 
-DENSITY, SPEED, APART = 7800.0, 400.0, 2e-4
+DENSITY, SPEED, DISTANCE = 7800.0, 400.0, 2e-4
 GROUND = (LENGTH, WIDTH, 0.005)
 TOP = np.array([0.5 * LENGTH, 0.5 * WIDTH, HEIGHT])
 
 
 @pytest.fixture(scope="module")
 def folder(comm, tmp_path_factory):
-    """A bar on ground; and the same a little above it, with a mesh of its own."""
+    """Return the folder of a bar on ground, and of a bar with another mesh slightly above the ground."""
     path = comm.bcast(tmp_path_factory.mktemp("balance"))
 
     def write():
         bodies = stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), GROUND[2])
         write_msh(str(path / "bar.msh"), bodies)
         names = {"z0": "bar_bottom", "z1": "bar_top", "x0": "bar_start", "x1": "bar_end"}
-        bar = box("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), (0.0, 0.0, APART), names)
+        bar = box("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), (0.0, 0.0, DISTANCE), names)
         ground = box("hex8", GROUND, (3, 3, 1), (0.0, 0.0, -GROUND[2]), {"z0": "ground_base", "z1": "ground_top"})
         write_msh(str(path / "above.msh"), {"bar": bar, "ground": ground})
 
@@ -45,16 +45,16 @@ def balance_of(comm, scene):
 
 def closes(balance, within=1e-9):
     """Return whether forces and moments on all bodies balance."""
-    left, size = balance.bodies.left, balance.bodies.size
-    turned = np.linalg.norm(left[:, 3:], axis=1) / balance.bodies.reach
-    return max((np.linalg.norm(left[:, :3], axis=1) / size).max(), (turned / size).max()) < within
+    imbalance, size = balance.bodies.left, balance.bodies.size
+    moment = np.linalg.norm(imbalance[:, 3:], axis=1) / balance.bodies.reach
+    return max((np.linalg.norm(imbalance[:, :3], axis=1) / size).max(), (moment / size).max()) < within
 
 
 LOAD = np.array([150.0, 50.0, -1000.0])
 
 
 @pytest.mark.parametrize("large", ["", "large_displacements = true\n"])
-def test_a_joint_carries_the_load_and_the_support_takes_it(comm, folder, large):
+def test_joint_and_support_balance_the_load(comm, folder, large):
     balance = balance_of(comm, scene_of(comm, folder, large + force(*LOAD)))
     joints, bodies = balance.joints, balance.bodies
     assert joints.names == ("joint",) and bodies.names == ("body 'bar'", "body 'ground'")
@@ -67,29 +67,29 @@ def test_a_joint_carries_the_load_and_the_support_takes_it(comm, folder, large):
     assert closes(balance)
 
 
-def test_a_turning_body_pulls_by_its_mass_and_where_its_middle_is(comm, folder):
-    """m Omega^2 r of bar and ground, what their supports hold of it, too."""
+def test_centrifugal_forces_are_those_of_mass_and_centroid(comm, folder):
+    """The loads are m Omega^2 r of bar and ground, including the forces on supported nodes."""
     turning = f"rotation_speed = {SPEED}\n" + force(0.0, 0.0, -5000.0)
     balance = balance_of(comm, scene_of(comm, folder, turning))
-    middle = np.array([0.5 * LENGTH, 0.5 * WIDTH, 0.0])
+    centroid = np.array([0.5 * LENGTH, 0.5 * WIDTH, 0.0])
     for i, thickness in enumerate((HEIGHT, GROUND[2])):
-        pulled = DENSITY * LENGTH * WIDTH * thickness * SPEED**2 * middle
-        assert balance.bodies.loads[i, :2] == pytest.approx(pulled[:2], rel=1e-9)
+        expected = DENSITY * LENGTH * WIDTH * thickness * SPEED**2 * centroid
+        assert balance.bodies.loads[i, :2] == pytest.approx(expected[:2], rel=1e-9)
     assert closes(balance)
 
 
-def test_sides_that_are_apart_bear_moments_that_differ_by_friction_times_the_distance(comm, folder):
+def test_moments_on_distant_sides_differ_by_friction_times_the_distance(comm, folder):
     changes = (
         ('mesh = "bar.msh"', 'mesh = "above.msh"'),
-        ('preload = "static"', f'preload = "static"\ntolerance = {2.0 * APART}\npairing = "points"'),
+        ('preload = "static"', f'preload = "static"\ntolerance = {2.0 * DISTANCE}\npairing = "points"'),
     )
     balance = balance_of(comm, scene_of(comm, folder, force(*LOAD), *changes, name="above"))
     joints = balance.joints
-    differ = joints.on_first[0] + joints.on_second[0]
-    assert differ[:3] == pytest.approx(np.zeros(3), abs=1e-9 * 1000.0)
-    expected = np.cross([0.0, 0.0, APART], -LOAD)  # what the bar bears acts as far above
-    assert differ[3:] == pytest.approx(expected, abs=1e-6 * 1000.0 * APART)
-    assert closes(balance)  # each body for itself
+    difference = joints.on_first[0] + joints.on_second[0]
+    assert difference[:3] == pytest.approx(np.zeros(3), abs=1e-9 * 1000.0)
+    expected = np.cross([0.0, 0.0, DISTANCE], -LOAD)  # the forces on the bar act at this distance above the ground
+    assert difference[3:] == pytest.approx(expected, abs=1e-6 * 1000.0 * DISTANCE)
+    assert closes(balance)  # each body is in balance
     (line,) = (line for line in in_words(balance) if line.startswith("  joint: transmits"))
     assert "about (0.025, 0.005, " in line and "0.0e+00 of the forces" not in line.split("differ by")[0]
 
@@ -113,20 +113,20 @@ mass = 0.01
 
 
 @pytest.mark.parametrize("large", [False, True])
-def test_points_springs_and_masses_are_part_of_it(comm, folder, large):
+def test_points_springs_and_masses_are_in_the_balance(comm, folder, large):
     at_knob = "".join(f'[[statics.forces]]\npoint = "knob"\nforce = [{x}, 0.0, -300.0]\n' for x in (20.0, 30.0))
     statics = f"large_displacements = {str(large).lower()}\nrotation_speed = 100.0\n" + force(0.0, 0.0, -700.0) + at_knob
     scene = scene_of(comm, folder, statics, ("[[loads]]", SPRUNG + "[[loads]]"), name=f"sprung {large}")
     balance = balance_of(comm, scene)
     bar = balance.bodies
     mass = DENSITY * LENGTH * WIDTH * HEIGHT
-    outward = mass * 0.5 * LENGTH + 0.2 * 0.06  # the masses at x = 0 pull nowhere
+    outward = mass * 0.5 * LENGTH + 0.2 * 0.06  # masses at x = 0 have no centrifugal force
     assert bar.loads[0, :3] == pytest.approx([50.0 + 1e4 * outward, bar.loads[0, 1], -1300.0], rel=1e-3 if large else 1e-9)
     assert np.abs(bar.supports[0, :3]).min() > 0.1
     assert closes(balance, 1e-4 if large else 1e-9)
 
 
-def test_warm_bodies_and_moved_supports_balance(comm, folder):
+def test_heated_bodies_and_displaced_supports_are_in_balance(comm, folder):
     statics = (
         '[[statics.temperatures]]\ngroup = "ground"\ntemperature = 40.0\n'
         '[[statics.displacements]]\ngroup = "ground_base"\ndisplacement = [0.0, 1e-5, 0.0]\n'
@@ -135,11 +135,11 @@ def test_warm_bodies_and_moved_supports_balance(comm, folder):
     assert balance.joints.on_second[0, :3] == pytest.approx(LOAD, rel=1e-9) and closes(balance)
 
 
-def test_results_and_log_have_it(comm, folder, program):
+def test_results_and_log_contain_the_balance(comm, folder, program):
     scene = scene_of(comm, folder, force(*LOAD), ("modes = 8", "modes = 4\nerror_bars = false"), name="run")
-    status, said, error = program("run", scene.path, "--out", folder / "out", "--set", "response.sensitivities=true")
-    assert status == 0 and "  change of the state of rest in the sensitivities: " in said, error
-    assert "  body 'ground': joints (150, 50, -1000) N, supports (-150, -50, 1000) N; imbalance " in said
+    status, output, error = program("run", scene.path, "--out", folder / "out", "--set", "response.sensitivities=true")
+    assert status == 0 and "  change of the state of rest in the sensitivities: " in output, error
+    assert "  body 'ground': joints (150, 50, -1000) N, supports (-150, -50, 1000) N; imbalance " in output
 
     def check():
         results = read_results(str(folder / "out" / "results.h5")).at_rest
@@ -150,7 +150,7 @@ def test_results_and_log_have_it(comm, folder, program):
     on_root(comm, check)
 
 
-def test_what_does_not_balance_is_an_error(comm, folder):
+def test_an_imbalance_is_an_error(comm, folder):
     with microslip.build(scene_of(comm, folder, force(*LOAD)), comm) as structure:
         balance, system, pairs = structure.balance, structure.linearised.system, structure.pairs
     loaded = Loaded(system, None, pairs, np.zeros(0), {}, "bar.toml")
@@ -163,7 +163,7 @@ def test_what_does_not_balance_is_an_error(comm, folder):
     more = {name: np.append(getattr(balance.bodies, name), 1e-12) for name in ("size", "reach")}
     names, about = (*balance.bodies.names, "body 'idle'"), np.concatenate([balance.bodies.about, np.zeros((1, 3))])
     with_idle = replace(balance, bodies=BodiesAtRest(names, about, *idle, **more))
-    check_balance(loaded, rest, with_idle)  # of rounding alone
+    check_balance(loaded, rest, with_idle)  # only rounding
     assert any("body 'idle': no forces; imbalance " in line for line in in_words(with_idle))
     nearly = replace(balance, bodies=replace(balance.bodies, joints=(1.0 - 1e-5) * balance.bodies.joints))
     check_balance(loaded, rest, nearly)

@@ -1,4 +1,4 @@
-"""The scene jobs/bolted_lap.toml on a coarse mesh: bolts, ties and plates that do not match hold each other; any number of ranks."""
+"""The scene jobs/bolted_lap.toml on a coarse mesh, with bolts, ties and plates of different meshes; on any number of ranks."""
 
 import sys
 from pathlib import Path
@@ -25,7 +25,7 @@ FORCE = 6000.0  # N, of each bolt
 
 
 def put(folder: Path) -> Path:
-    """Copy the scene and make its mesh, in folders beside each other as those of the project."""
+    """Copy the scene and make its mesh, in folders like those of the project."""
     for name in ("jobs", "meshes"):
         (folder / name).mkdir()
     write_msh(str(folder / "meshes" / "bolted_lap.msh"), bolted_lap(COARSE))
@@ -35,14 +35,14 @@ def put(folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_the_bolts_press_the_plates_together(comm, shared_path):
+def test_contact_forces_of_the_plates_balance_the_bolts(comm, shared_path):
     scene = on_root(comm, put, shared_path)
     with microslip.build(microslip.read(scene), comm) as structure:
         pairs, bolts = structure.pairs, structure.bolts
         N = np.maximum(pairs.N0, 0.0)
     assert bolts.names == ("bolt 1", "bolt 2", "bolt 3") and np.allclose(bolts.force, FORCE, rtol=1e-9)
-    assert N.sum() == pytest.approx(3.0 * FORCE, rel=1e-9)  # nothing else crosses the lap
-    # each bolt around its own hole, the pressure falling outwards
+    assert N.sum() == pytest.approx(3.0 * FORCE, rel=1e-9)  # only the bolts cross the lap
+    # the force of each bolt is around its hole, and the pressure decreases outwards
     holes = COARSE.length - (np.arange(3)[::-1] + 0.5) * COARSE.pitch
     for x in holes:
         near = np.abs(pairs.position[:, 0] - x) < 0.5 * COARSE.pitch
@@ -54,16 +54,16 @@ def test_the_bolts_press_the_plates_together(comm, shared_path):
 
 @pytest.mark.study
 @pytest.mark.ranks(1)
-def test_another_friction_finds_the_rest_of_bolts_as_a_scene_built_anew(comm, shared_path):
+def test_rest_of_bolts_with_another_friction_equals_that_of_a_new_structure(comm, shared_path):
     scene = microslip.read(on_root(comm, put, shared_path))
     other = changed(scene, {}, {"lap": {"friction": 0.1}})
     with microslip.build(scene, comm) as structure, microslip.build(other, comm) as fresh:
         assert structure.reference is not None
         pairs = pairs_with(structure.reference.pairs, {"friction": {"lap": 0.1}})
-        other_rest, said = at_another_rest(structure, other, pairs)
+        other_rest, messages = at_another_rest(structure, other, pairs)
         for name in ("N0", "T0"):
-            a, b, was = (getattr(one.pairs, name) for one in (other_rest, fresh, structure))
-            assert a == pytest.approx(b, abs=1e-8 * np.abs(b).max()) and np.abs(a - was).max() > 1e-3 * np.abs(was).max()
+            a, b, first = (getattr(s.pairs, name) for s in (other_rest, fresh, structure))
+            assert a == pytest.approx(b, abs=1e-8 * np.abs(b).max()) and np.abs(a - first).max() > 1e-3 * np.abs(first).max()
         assert other_rest.bolts is not None and other_rest.bolts.shortening == pytest.approx(fresh.bolts.shortening, rel=1e-8)
         assert other_rest.modes.omega_n == pytest.approx(fresh.modes.omega_n, rel=1e-8)
-        assert sum(line.startswith("  bolt ") for line in said) == 3
+        assert sum(line.startswith("  bolt ") for line in messages) == 3

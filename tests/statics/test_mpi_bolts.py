@@ -1,4 +1,4 @@
-"""Bolts with pretension against closed forms: a bar that is cut, a bolt and what it clamps; on one rank and on several."""
+"""Bolts with pretension against closed forms: a bar with a cut, a bolt and its members; on one rank and on several."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def steel(young=YOUNG):
 
 
 def bar(kind, bulge=0.0, n=(4, 2, 2)):
-    """Return a bar that is held at both ends, with a cut in the middle that may bulge."""
+    """Return a bar, fixed at both ends, with a cut in the middle that may bulge."""
     points, elements = box(kind, n, (LENGTH, WIDTH, WIDTH))
     x, y = points[:, 0] / LENGTH, points[:, 1] / WIDTH
     is_cut = x == 0.5
@@ -46,7 +46,7 @@ def of_bar(**statics):
 
 
 def at_rest(comm, mesh, given):
-    """Return structure, bolts and rest.  ``mesh`` of rank 0.  Collective."""
+    """Return structure, bolts and rest; ``mesh`` is used on rank 0.  Collective."""
     pairs = on_root(comm, pair_contacts, mesh, given.joints)
     shares = distribute(mesh, given, comm)
     system = assemble(shares, mesh, pairs, given)
@@ -68,8 +68,8 @@ def bolt(name="bolt", group="cut", **given):
 @pytest.mark.parametrize("given", [{"shortening": 1e-5}, {"force": STIFFNESS * 1e-5}], ids=["by length", "by force"])
 @pytest.mark.parametrize("bulge", [0.0, 0.15], ids=["plane", "bulging"])
 @pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "hex20", "wedge15"])
-def test_a_bar_between_walls_is_pulled_as_a_spring(comm, kind, bulge, given):
-    """F = (E A / L) delta, whichever of them is given; the bar beside the cut stretches evenly."""
+def test_a_bolted_bar_between_walls_has_the_force_of_a_spring(comm, kind, bulge, given):
+    """F = (E A / L) delta with stated force or shortening; the strain of the bar is uniform."""
     mesh = on_root(comm, bar, kind, bulge, share=False)
     _, system, _, _, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(**given),)))
     bolts = rest.bolts
@@ -89,8 +89,8 @@ def test_a_bar_between_walls_is_pulled_as_a_spring(comm, kind, bulge, given):
     assert on_root(comm, error) < 1e-5 * 1e-8
 
 
-def glued():
-    """Return the bar of two halves that are tied, the right one of a finer mesh, with a cut in the left one."""
+def tied_halves():
+    """Return the bar of two tied halves, the right one with a finer mesh, with a cut in the left one."""
     half = (LENGTH / 2.0, WIDTH, WIDTH)
     left, right = box("hex8", (4, 2, 2), half), box("hex8", (2, 4, 4), half, (LENGTH / 2.0, 0.0, 0.0))
     is_left = np.arange(len(left[0]) + len(right[0])) < len(left[0])
@@ -103,8 +103,8 @@ def glued():
     return mesh_of(("left", "hex8", *left), ("right", "hex8", *right), groups=groups)
 
 
-def test_a_bar_that_is_glued_is_pulled_as_one(comm):
-    mesh = on_root(comm, glued, share=False)
+def test_a_bolted_bar_of_tied_halves_has_the_force_of_a_spring(comm):
+    mesh = on_root(comm, tied_halves, share=False)
     given = settings({"left": "left", "right": "right"}, supports=[("ends", "xyz")])
     tie = Tie(name="glue", surfaces=("right_start", "left_end"))
     given = made_of(given, steel()).with_keys(ties=(tie,), statics=Statics(bolts=(bolt(shortening=1e-5),)))
@@ -113,16 +113,16 @@ def test_a_bar_that_is_glued_is_pulled_as_one(comm):
 
 
 @pytest.mark.parametrize("kind", ["tet10", "hex20"])
-def test_the_stress_of_the_bolt_is_its_force_over_its_area(comm, kind):
-    """w^T K_sigma w = F int w'^2 dx for w = x (L - x) across the bar: elements above the cut are stressed like all others."""
+def test_the_stress_of_the_bolt_stiffens_the_bar_by_its_force(comm, kind):
+    """w^T K_sigma w = F int w'^2 dx for w = x (L - x) across the bar, with the stress of elements above the cut."""
     mesh = on_root(comm, bar, kind, share=False)
     given = of_bar(bolts=(bolt(force=5000.0),))
     shares, system, _, bolts, rest = at_rest(comm, mesh, given)
 
-    def seen(block, i, rows):
+    def motions(block, i, rows):
         return bolts.overlap.motions_of(block, i, rows, rest.bolts.shortening)
 
-    stiffened = stiffness_at_rest(shares, given, system, rest.u_owned, seen).K
+    stiffened = stiffness_at_rest(shares, given, system, rest.u_owned, motions).K
     stiffened.axpy(-1.0, system.K)
     w, K_w = stiffened.createVecs()
 
@@ -139,8 +139,8 @@ def test_the_stress_of_the_bolt_is_its_force_over_its_area(comm, kind):
     stiffened.destroy()
 
 
-def test_warmth_slackens_a_bolt_that_is_held(comm):
-    """Tightened first, then warmed between the walls: the force falls by E A alpha theta, the shortening is held."""
+def test_heating_reduces_the_force_of_a_tightened_bolt(comm):
+    """After tightening the shortening is constant; heating between the walls reduces the force by E A alpha theta."""
     mesh = on_root(comm, bar, "hex8", share=False)
     *_, rest = at_rest(
         comm, mesh, of_bar(bolts=(bolt(force=6000.0),), temperatures=(Temperature(group="bar", temperature=20.0),))
@@ -149,15 +149,15 @@ def test_warmth_slackens_a_bolt_that_is_held(comm):
     assert rest.bolts.force == pytest.approx(6000.0 - YOUNG * AREA * EXPANSION * 20.0, rel=1e-8)
 
 
-def test_rotation_loads_the_cut_as_theory_says(comm):
-    """A bar between two walls turns about one of them: N(x) = rho A Omega^2 (L^2 / 6 - x^2 / 2), on top of the bolt's force."""
+def test_the_force_of_a_rotating_bolt_is_that_of_theory(comm):
+    """A bar between two walls rotates about one: N(x) = rho A Omega^2 (L^2 / 6 - x^2 / 2) adds to the force of the bolt."""
     mesh = on_root(comm, bar, "hex20", share=False)
     *_, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(force=100.0),), rotation_speed=1000.0))
     change = DENSITY * AREA * 1000.0**2 * LENGTH**2 * (1.0 / 6.0 - 1.0 / 8.0)
     assert rest.bolts.force - rest.bolts.tightened == pytest.approx(change, rel=1e-8)
 
 
-# -- a bolt and what it clamps ---------------------------------------------------------------------------------
+# -- a bolt and its members ---------------------------------------------------------------------------------
 
 HEAD, CONTACT, GRIP = 0.02, 5e13, 0.1  # m; N/m3; m, along z
 K_BOLT = YOUNG * AREA / GRIP
@@ -166,12 +166,12 @@ CLAMP = 5000.0
 
 
 def clamped():
-    """Return a shank between two columns, a head of 1e6 times their stiffness on all three; nodes of shank and head merged."""
+    """Return a shank between two columns under a head of 1e6 times their stiffness; shank and head have common nodes."""
     column, elements = box("hex8", (2, 2, 4), (WIDTH, WIDTH, GRIP))
     head, of_head = box("hex8", (6, 2, 1), (3.0 * WIDTH, WIDTH, HEAD), (-WIDTH, 0.0, GRIP))
-    twin = np.linalg.norm(column[:, None] - head[None], axis=2)
-    shared = twin.min(axis=1) < 1e-9
-    number = np.where(shared, len(column) + np.argmin(twin, axis=1), np.arange(len(column)))
+    distance = np.linalg.norm(column[:, None] - head[None], axis=2)
+    is_common = distance.min(axis=1) < 1e-9
+    number = np.where(is_common, len(column) + np.argmin(distance, axis=1), np.arange(len(column)))
     points, used = (
         np.concatenate([column, head]),
         np.unique(np.concatenate([number[elements].ravel(), of_head.ravel() + len(column)])),
@@ -184,7 +184,7 @@ def clamped():
     of_head = new[of_head + len(column)]
     blocks = (replace(mesh.elements[0], group="head", nodes=of_head, numbers=1000 + np.arange(len(of_head))), *mesh.elements)
     z = mesh.points[:, 2]
-    nodes = {name: np.unique(own.nodes) for own in blocks for name in [own.group]}
+    nodes = {block.group: np.unique(block.nodes) for block in blocks}
     low = np.isclose(z, GRIP)
     groups = nodes | {
         "cut": np.intersect1d(np.flatnonzero(np.isclose(z, 0.5 * GRIP)), nodes["shank"]),
@@ -200,7 +200,7 @@ def clamped():
 
 
 def of_clamped(pull=0.0, push=0.0, **given):
-    """Return the settings: members guided along z, shank and head also along x where the head is pushed that way."""
+    """Return the settings: all bodies move along z; shank and head also move along x if a force acts on the head along x."""
     names = ("shank", "head", "left", "right")
     supports = [("base", "xyz"), *((name, "y" if push and name in names[:2] else "xy") for name in names)]
     joints = [joint(side, (f"seat_{side}", f"under_{side}"), preload=0.0, normal_stiffness=CONTACT) for side in ("left", "right")]
@@ -211,9 +211,9 @@ def of_clamped(pull=0.0, push=0.0, **given):
     )
     materials = {name: steel(YOUNG * (1e6 if name == "head" else 1.0)) for name in names}
     bodies = {name: Body(group=name, material=name) for name in names}
-    made = settings({name: name for name in names}, supports=supports, joints=joints)
+    case = settings({name: name for name in names}, supports=supports, joints=joints)
     statics = Statics(bolts=(bolt(**(given or {"force": CLAMP})),), forces=loads, steps=4)
-    return made.with_keys(materials=materials, bodies=bodies, statics=statics)
+    return case.with_keys(materials=materials, bodies=bodies, statics=statics)
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +221,7 @@ def clamped_mesh(comm):
     return on_root(comm, clamped, share=False)
 
 
-def test_a_bolt_is_shortened_by_what_it_and_the_member_give(comm, clamped_mesh):
+def test_the_shortening_of_a_bolt_is_the_sum_of_elongation_and_compression(comm, clamped_mesh):
     *_, pairs, _, rest = at_rest(comm, clamped_mesh, of_clamped())
     assert rest.bolts.shortening == pytest.approx(CLAMP / K_BOLT + CLAMP / K_MEMBER, rel=1e-5)
     assert rest.N.sum() == pytest.approx(CLAMP, rel=1e-8)
@@ -230,11 +230,11 @@ def test_a_bolt_is_shortened_by_what_it_and_the_member_give(comm, clamped_mesh):
     assert by_length.bolts.force == pytest.approx(CLAMP, rel=1e-8)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.999, 1.001, 2.0])
-def test_a_load_on_the_joint_is_shared_until_it_opens(comm, clamped_mesh, share):
-    """The bolt takes k_b / (k_b + k_m) of it; at P = F (1 + k_b / k_m) the members are free, and the bolt carries all."""
+@pytest.mark.parametrize("ratio", [0.5, 0.999, 1.001, 2.0])
+def test_a_closed_joint_shares_a_load_by_stiffness(comm, clamped_mesh, ratio):
+    """The bolt bears k_b / (k_b + k_m) of it; beyond P = F (1 + k_b / k_m) the joint is open, and the bolt bears all."""
     opens = CLAMP * (1.0 + K_BOLT / K_MEMBER)
-    pull = share * opens
+    pull = ratio * opens
     *_, rest = at_rest(comm, clamped_mesh, of_clamped(pull=pull))
     closed = pull < opens
     expected = CLAMP + pull * K_BOLT / (K_BOLT + K_MEMBER) if closed else pull
@@ -243,21 +243,21 @@ def test_a_load_on_the_joint_is_shared_until_it_opens(comm, clamped_mesh, share)
     assert (rest.N > 0.0).all() if closed else not rest.N.any()
 
 
-def test_friction_of_the_clamp_holds_up_to_its_limit(comm, clamped_mesh):
-    """A push on the head: at half of mu F all pairs stick, beyond it all slide and the shank, bent, carries the rest."""
-    *_, held = at_rest(comm, clamped_mesh, of_clamped(push=0.5 * 0.3 * CLAMP))
-    assert (np.abs(held.force[:, :2]).sum(axis=1) < 0.3 * held.N * (1.0 - 1e-6)).all()
-    assert np.abs(held.force[:, :2].sum(axis=0)).max() == pytest.approx(0.5 * 0.3 * CLAMP, rel=0.01)
-    *_, slid = at_rest(comm, clamped_mesh, of_clamped(push=1.1 * 0.3 * CLAMP))
-    assert np.hypot(*slid.force[:, :2].T) == pytest.approx(0.3 * slid.N, rel=1e-8)
-    assert slid.bolts.force == pytest.approx(slid.N.sum(), rel=1e-4)  # the shank hardly tilts
+def test_friction_under_the_head_bears_a_force_up_to_its_limit(comm, clamped_mesh):
+    """Under half of mu F on the head all pairs stick; beyond mu F all slide, and bending of the shank bears the rest."""
+    *_, sticks = at_rest(comm, clamped_mesh, of_clamped(push=0.5 * 0.3 * CLAMP))
+    assert (np.abs(sticks.force[:, :2]).sum(axis=1) < 0.3 * sticks.N * (1.0 - 1e-6)).all()
+    assert np.abs(sticks.force[:, :2].sum(axis=0)).max() == pytest.approx(0.5 * 0.3 * CLAMP, rel=0.01)
+    *_, slides = at_rest(comm, clamped_mesh, of_clamped(push=1.1 * 0.3 * CLAMP))
+    assert np.hypot(*slides.force[:, :2].T) == pytest.approx(0.3 * slides.N, rel=1e-8)
+    assert slides.bolts.force == pytest.approx(slides.N.sum(), rel=1e-4)  # the shank is hardly inclined
 
 
 # -- cuts ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15"])
-def test_the_elements_above_a_cut_are_those_that_touch_it_from_there(comm, kind):
+def test_elements_above_a_cut_have_nodes_on_it_and_are_on_its_positive_side(comm, kind):
     def check():
         mesh = bar(kind, bulge=0.1)
         cut = cut_through(mesh, bolt())
@@ -271,10 +271,10 @@ def test_the_elements_above_a_cut_are_those_that_touch_it_from_there(comm, kind)
     on_root(comm, check)
 
 
-def claimed(kind="hex8", **claims):
+def bar_with_groups(kind="hex8", **more):
     points, elements = box(kind, (4, 2, 2), (LENGTH, WIDTH, WIDTH))
     ends = {"ends": lambda x: np.isin(x[:, 0], (0.0, LENGTH))}
-    return mesh_of(("bar", kind, points, elements), groups=ends | claims)
+    return mesh_of(("bar", kind, points, elements), groups=ends | more)
 
 
 def middle(x):
@@ -296,31 +296,33 @@ NO_CUTS = {
 
 
 @pytest.mark.parametrize("name", NO_CUTS)
-def test_a_group_that_is_no_cut_is_refused_by_name(comm, name):
-    claim, says = NO_CUTS[name]
+def test_a_group_that_is_no_cut_is_refused(comm, name):
+    group, message = NO_CUTS[name]
 
     def refuse():
-        with pytest.raises(MeshError, match=rf"box.msh: bolt 'bolt': group 'cut': .*{says}"):
-            cut_through(claimed(cut=claim), bolt())
+        with pytest.raises(MeshError, match=rf"box.msh: bolt 'bolt': group 'cut': .*{message}"):
+            cut_through(bar_with_groups(cut=group), bolt())
 
     on_root(comm, refuse)
 
 
-def test_what_holds_a_cut_is_refused(comm):
-    mesh = on_root(comm, lambda: claimed(cut=middle), share=False)
-    held = of_bar(bolts=(bolt(force=1.0),)).with_keys(supports=settings({}, supports=[("ends", "xyz"), ("cut", "x")]).supports)
+def test_a_support_of_a_cut_is_refused(comm):
+    mesh = on_root(comm, lambda: bar_with_groups(cut=middle), share=False)
+    supported = of_bar(bolts=(bolt(force=1.0),)).with_keys(
+        supports=settings({}, supports=[("ends", "xyz"), ("cut", "x")]).supports
+    )
     with pytest.raises(MeshError, match="cannot open, for a support holds it along the shank"):
-        at_rest(comm, mesh, held)
+        at_rest(comm, mesh, supported)
 
 
-def test_two_cuts_side_by_side_are_refused(comm):
-    mesh = on_root(comm, lambda: claimed(cut=middle, other=lambda x: x[:, 0] == 0.75 * LENGTH), share=False)
+def test_adjacent_cuts_are_refused(comm):
+    mesh = on_root(comm, lambda: bar_with_groups(cut=middle, other=lambda x: x[:, 0] == 0.75 * LENGTH), share=False)
     with pytest.raises(MeshError, match="bolts 'bolt' and 'second': their cuts lie side by side at node"):
         at_rest(comm, mesh, of_bar(bolts=(bolt(force=1.0), bolt("second", "other", force=1.0))))
 
 
-def test_a_bolt_that_clamps_nothing_is_refused(comm):
-    mesh = on_root(comm, lambda: claimed(cut=middle, start=lambda x: x[:, 0] == 0.0), share=False)
-    loose = of_bar(bolts=(bolt(force=1.0),)).with_keys(supports=settings({}, supports=[("start", "xyz")]).supports)
+def test_a_bolt_without_members_is_refused(comm):
+    mesh = on_root(comm, lambda: bar_with_groups(cut=middle, start=lambda x: x[:, 0] == 0.0), share=False)
+    free = of_bar(bolts=(bolt(force=1.0),)).with_keys(supports=settings({}, supports=[("start", "xyz")]).supports)
     with pytest.raises(CaseError, match=r"\[\[statics.bolts\]\] 'bolt': there is nothing to clamp"):
-        at_rest(comm, mesh, loose)
+        at_rest(comm, mesh, free)

@@ -1,4 +1,4 @@
-"""Temperatures that differ over a body, and moments on surfaces and points, against beam theory; on one rank and on several."""
+"""Temperature fields, and moments on surfaces and points, against beam theory; on one rank and on several."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ SCENE = (
     + table("solver", modes=3)
     + "[statics]\n"
 )
-WARM = '[[statics.temperatures]]\ngroup = "beam"\n'
+HEATED = '[[statics.temperatures]]\ngroup = "beam"\n'
 POINT = f"""
 [[points]]
 name = "knob"
@@ -40,7 +40,7 @@ def beam(kind="hex20"):
 
 @pytest.fixture(scope="module")
 def folder(comm, tmp_path_factory):
-    """A beam along x that is clamped at one end, with a field of its nodes."""
+    """Return the folder of a beam along x, clamped at one end, with a temperature field."""
     path = comm.bcast(tmp_path_factory.mktemp("beam"))
 
     def write():
@@ -49,7 +49,7 @@ def folder(comm, tmp_path_factory):
         heat = "".join(f"{i} {value!r}\n" for i, value in enumerate(z, 1))
         with open(path / "beam.msh", "a", encoding="utf-8") as file:
             file.write(f'$NodeData\n1\n"heat"\n1\n0.0\n3\n0\n1\n{len(z)}\n{heat}$EndNodeData\n')
-        (path / "warm.csv").write_text("node,temperature\n" + heat.replace(" ", ","))
+        (path / "heat.csv").write_text("node,temperature\n" + heat.replace(" ", ","))
         (path / "short.csv").write_text("node,temperature\n1,2.0\n3,4.0\n")
 
     on_root(comm, write)
@@ -66,18 +66,18 @@ def scene_of(comm, folder, statics, points=""):
 
 
 def tip_of(comm, scene):
-    """Return the displacement at rest of the nodes at the tip, (n, 3) [m], and where they are."""
+    """Return the displacement at rest of the nodes at the tip, (n, 3) [m].  Rank 0 computes it for all ranks."""
     with microslip.build(scene, comm) as structure:
         system = structure.linearised.system
         u = system.at_nodes(np.concatenate(comm.allgather(system.rest_owned)))
         return on_root(comm, lambda: u[np.isclose(structure.mesh.points[:, 0], LENGTH)])
 
 
-@pytest.mark.parametrize("given", ['field = "heat"\n', 'file = "warm.csv"\n'], ids=["field", "file"])
+@pytest.mark.parametrize("given", ['field = "heat"\n', 'file = "heat.csv"\n'], ids=["field", "file"])
 @pytest.mark.parametrize("large", [False, True])
-def test_a_beam_that_is_warmer_above_bends_as_theory_says(comm, folder, given, large):
-    """kappa = alpha times the slope of the temperature; z of the tip is kappa L^2 / 2, downwards."""
-    u = tip_of(comm, scene_of(comm, folder, f"large_displacements = {str(large).lower()}\n" + WARM + given))
+def test_a_temperature_gradient_bends_the_beam_as_in_theory(comm, folder, given, large):
+    """kappa is alpha times the gradient of the temperature; the tip moves down by kappa L^2 / 2."""
+    u = tip_of(comm, scene_of(comm, folder, f"large_displacements = {str(large).lower()}\n" + HEATED + given))
     assert u[:, 2].mean() == pytest.approx(-0.5 * EXPANSION * SLOPE * LENGTH**2, rel=2e-3)
 
 
@@ -90,7 +90,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("where", PLACES)
-def test_a_moment_bends_the_beam_as_theory_says(comm, folder, where):
+def test_a_moment_bends_the_beam_as_in_theory(comm, folder, where):
     at, points = PLACES[where]
     moment = f"[[statics.forces]]\n{at}moment = [0.0, {-MOMENT}, 0.0]\n"
     u = tip_of(comm, scene_of(comm, folder, moment, points))
@@ -100,19 +100,27 @@ def test_a_moment_bends_the_beam_as_theory_says(comm, folder, where):
 
 MISTAKES = {
     "no field": (
-        WARM + 'field = "heet"\n',
+        HEATED + 'field = "heet"\n',
         MeshError,
         r'group = "beam" field = \'heet\': there is no such field in the mesh; nearest',
     ),
-    "short file": (WARM + 'file = "short.csv"\n', MeshError, r"short.csv: .* nodes of the body have no row, the first is node 2"),
-    "two of them": (WARM + 'field = "heat"\ntemperature = 3.0\n', CaseError, "exactly one of temperature, field, file is needed"),
+    "short file": (
+        HEATED + 'file = "short.csv"\n',
+        MeshError,
+        r"short.csv: .* nodes of the body have no row, the first is node 2",
+    ),
+    "two of them": (
+        HEATED + 'field = "heat"\ntemperature = 3.0\n',
+        CaseError,
+        "exactly one of temperature, field, file is needed",
+    ),
     "moment on a node": ("[[statics.forces]]\nnode = 1\nmoment = [1.0, 0.0, 0.0]\n", CaseError, "a node alone bears none"),
     "neither": ('[[statics.forces]]\ngroup = "tip"\n', CaseError, "force is missing: expected the force .* or moment"),
 }
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_bad_input(comm, folder, name):
-    statics, kind, says = MISTAKES[name]
-    with pytest.raises(kind, match=says):
+def test_bad_temperatures_and_moments_are_refused(comm, folder, name):
+    statics, kind, message = MISTAKES[name]
+    with pytest.raises(kind, match=message):
         microslip.build(scene_of(comm, folder, statics), comm)

@@ -1,4 +1,4 @@
-"""Supports that are moved, and large displacements at rest, against theory; on one rank and on several."""
+"""Prescribed displacements of supports, and large displacements at rest, against theory; on one rank and on several."""
 
 import numpy as np
 import pytest
@@ -57,8 +57,8 @@ def moved_by(d, more=""):
 
 
 @pytest.mark.parametrize("large", [True, False])
-def test_a_bar_between_supports_that_are_moved_vibrates_as_theory_says(comm, folder, large):
-    """omega = pi / L sqrt(A / rho), A the slope of the force over the stretch l: E (3 l^2 - 1) / 2, E (l^2 + l - 1) of small ones."""
+def test_a_bar_stretched_by_its_supports_has_the_frequency_of_theory(comm, folder, large):
+    """omega = pi / L sqrt(A / rho); A, the slope of the force by the stretch l, is E (3 l^2 - 1) / 2, or E (l^2 + l - 1) linearly."""
     stretch = 1.05
     scene = scene_of(comm, folder, moved_by(stretch - 1.0, f"{'large_displacements' if large else 'deformed_shape'} = true"))
     with microslip.build(scene, comm) as structure:
@@ -68,7 +68,7 @@ def test_a_bar_between_supports_that_are_moved_vibrates_as_theory_says(comm, fol
 
 
 @pytest.mark.parametrize("kind", ["hex20", "hex8"])
-def test_a_beam_bends_far_as_theory_says(comm, folder, kind):
+def test_large_bending_of_a_beam_is_that_of_theory(comm, folder, kind):
     """K. E. Bisshopp and D. C. Drucker, Quarterly of Applied Mathematics 3 (1945) 272: P L^2 = E I."""
     P = YOUNG * SIDE**4 / 12.0 / LENGTH**2
     pull = f'large_displacements = true\n[[statics.forces]]\ngroup = "tip"\nforce = [0.0, 0.0, {P}]\n'
@@ -81,7 +81,7 @@ def test_a_beam_bends_far_as_theory_says(comm, folder, kind):
     assert tip[0] == pytest.approx(-0.0564 * LENGTH, rel=5e-3)
 
 
-def test_under_small_loads_a_joint_is_at_the_rest_of_small_displacements(comm, folder):
+def test_small_loads_give_the_rest_of_small_displacements(comm, folder):
     load = force(0.15, 0.05, -1.0)
     values = []
     for first in ("", "large_displacements = true\n"):
@@ -91,11 +91,11 @@ def test_under_small_loads_a_joint_is_at_the_rest_of_small_displacements(comm, f
         assert large == pytest.approx(small, rel=1e-5)
 
 
-def test_springs_of_a_joint_act_on_the_area_that_it_has_under_load(comm, folder):
-    """A warm bar and warm ground are larger by their free strain, in all directions."""
+def test_springs_of_a_joint_act_on_the_deformed_area(comm, folder):
+    """Heated bar and ground are larger by their free strain in all directions."""
     strain = 1e-2
-    warm = f"temperature = {strain / 1.2e-5}\n"
-    both = "".join(f'[[statics.temperatures]]\ngroup = "{group}"\n{warm}' for group in ("bar", "ground"))
+    temperature = f"temperature = {strain / 1.2e-5}\n"
+    both = "".join(f'[[statics.temperatures]]\ngroup = "{group}"\n{temperature}' for group in ("bar", "ground"))
     free = (
         'fix = ["x", "y", "z"]',
         'fix = ["z"]\n[[springs]]\ngroups = ["ground_base"]\ndirection = [1.0, 0.0, 0.0]\nstiffness = 1e6\n'
@@ -104,7 +104,7 @@ def test_springs_of_a_joint_act_on_the_area_that_it_has_under_load(comm, folder)
     scene = bar_scene_of(comm, folder, "large_displacements = true\n" + force(0.0, 0.0, -100.0) + both, free)
     with microslip.build(scene, comm) as structure:
         area, stiffness = structure.pairs.area.sum(), structure.pairs.k_n.sum()
-    larger = 1.0 + 2.0 * strain  # of second-order strain: F^T F = 1 + 2 strain
+    larger = 1.0 + 2.0 * strain  # Green's strain: F^T F = 1 + 2 strain
     assert area == pytest.approx(BAR * WIDTH * larger, rel=1e-5)
     assert stiffness == pytest.approx(2e12 * area, rel=1e-12)
 
@@ -122,12 +122,12 @@ EXCLUDED = {
 
 
 @pytest.mark.parametrize("statics, message", EXCLUDED.values(), ids=EXCLUDED)
-def test_what_large_displacements_do_not_go_with_is_said(comm, folder, statics, message):
+def test_keys_that_large_displacements_exclude_are_refused(comm, folder, statics, message):
     with pytest.raises(CaseError, match=message):
         scene_of(comm, folder, "large_displacements = true\n" + statics)
 
 
-def test_a_group_that_there_is_not_is_named(comm, folder):
+def test_a_missing_group_of_displacements_is_refused(comm, folder):
     with pytest.raises(
         MeshError, match=r"\[\[statics.displacements\]\] 1 group = 'tap': there is no such group .* nearest is 'tip'"
     ):
@@ -135,22 +135,22 @@ def test_a_group_that_there_is_not_is_named(comm, folder):
 
 
 @pytest.mark.parametrize("supports, by, message", WRONG.values(), ids=WRONG)
-def test_what_no_support_holds_is_not_moved(comm, folder, supports, by, message):
+def test_prescribed_displacements_need_supports(comm, folder, supports, by, message):
     moved = f'[[statics.displacements]]\ngroup = "tip"\ndisplacement = {by}\n'
     with pytest.raises(MeshError, match=message):
         microslip.build(scene_of(comm, folder, moved, supports=supports), comm)
 
 
-def test_a_tie_does_not_go_with_a_moved_support(comm, folder):
-    """A point of mass between the hub, which is moved, and nothing: its rigid group follows what is held."""
+def test_a_displaced_support_must_not_lead_other_nodes(comm, folder):
+    """A point with a mass follows the displaced nodes of the tip."""
     tied = GUIDED + '[[points]]\nname = "p"\nposition = [1.0, 0.0, 0.0]\ngroup = "tip"\nconnection = "distributing"\nmass = 1.0\n'
     with pytest.raises(MeshError, match="is moved, and leads a tie, a point or an equation"):
         microslip.build(scene_of(comm, folder, moved_by(0.01), supports=tied), comm)
 
 
 @pytest.mark.ranks(1)
-def test_a_load_beyond_buckling_says_so(comm, folder):
-    """Euler's load of a cantilever, four times over, pushes it along a line that it cannot stay on."""
+def test_a_load_beyond_buckling_has_no_equilibrium(comm, folder):
+    """The load is four times Euler's load of a cantilever."""
     P = np.pi**2 * YOUNG * SIDE**4 / 12.0 / LENGTH**2
     pushed = f'large_displacements = true\n[[statics.forces]]\ngroup = "tip"\nforce = [{-P}, 0.0, 0.0]\n'
     scene = scene_of(comm, folder, pushed, "hex8", supports="", direction="direction = [0.0, 0.0, 1.0]")

@@ -1,4 +1,4 @@
-"""Rough surfaces and Iwan joints at rest, and the vibration about it; on one rank and on several."""
+"""Rough surfaces and Iwan joints at rest, and vibration about rest; on one rank and on several."""
 
 import numpy as np
 import pytest
@@ -12,27 +12,27 @@ ELASTIC = 'friction = 0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0
 HEIGHT_OF_ROUGHNESS, PRESSURE, AREA = 2e-6, 1e6, LENGTH * WIDTH
 ROUGH = f'law = "rough"\nfriction = 0.3\npreload = {PRESSURE}\nroughness_height = {HEIGHT_OF_ROUGHNESS}\n'
 POWER = ROUGH + f"exponent = 2.0\nroughness_pressure = {PRESSURE}\n"
-FROM_NONE = POWER.replace(f"preload = {PRESSURE}", 'preload = "static"')
+STATIC_POWER = POWER.replace(f"preload = {PRESSURE}", 'preload = "static"')
 IWAN = 'law = "iwan"\nslip_force = 400.0\ntangential_stiffness = 1e12\nnormal_stiffness = 2e12\nchi = -0.5\nbeta = 0.3\n'
 
 
 folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
-def carried(pairs):
-    """Return what the joint carries at rest against the bar, (n_pairs, 3) [N] in model axes, beyond the stated preload."""
+def forces_beyond_preload(pairs):
+    """Return the forces of the joint at rest beyond the stated preload, (n_pairs, 3) [N] in model axes."""
     N = pairs.N0 - PRESSURE * pairs.area
     return np.einsum("pji,pj->pi", pairs.frame, np.column_stack([pairs.T0, -N]))
 
 
 @pytest.mark.parametrize("law, exponent", [(ROUGH, np.inf), (POWER, 2.0)])
-def test_rough_surfaces_carry_the_load_and_are_stiffer_under_it(comm, folder, law, exponent):
+def test_rough_surfaces_balance_the_load_and_stiffen_with_pressure(comm, folder, law, exponent):
     statics = eccentric(400.0) + force(60.0, 20.0, -300.0)
     with microslip.build(scene_of(comm, folder, statics, (ELASTIC, law)), comm) as structure:
         pairs = structure.pairs
-    forces = carried(pairs)
+    forces = forces_beyond_preload(pairs)
     assert forces.sum(axis=0) == pytest.approx([60.0, 20.0, -700.0], rel=1e-9)
-    moment = 300.0 * 0.5 * LENGTH + 400.0 * 0.9 * LENGTH  # about y, at the height of the joint; that of friction is none
+    moment = 300.0 * 0.5 * LENGTH + 400.0 * 0.9 * LENGTH  # about y at the height of the joint, without a moment of friction
     assert -(forces[:, 2] @ pairs.position[:, 0]) == pytest.approx(moment + 60.0 * HEIGHT, rel=1e-6)
     ratio = pairs.N0 / (PRESSURE * pairs.area)
     at_first = (1.0 if np.isinf(exponent) else exponent) * PRESSURE / HEIGHT_OF_ROUGHNESS * pairs.area
@@ -45,14 +45,16 @@ def test_rough_surfaces_carry_the_load_and_are_stiffer_under_it(comm, folder, la
 
 
 def approach(N, area):
-    """Return how far surfaces that nothing pressed at first have come together where they carry N."""
+    """Return the approach of surfaces without initial pressure under the normal force N."""
     return HEIGHT_OF_ROUGHNESS * (N / (PRESSURE * area)) ** 0.5
 
 
 @pytest.mark.parametrize("size", [0.5, 700.0, 50_000.0])
-def test_a_block_pressed_on_rough_ground_comes_as_near_as_the_power_says(comm, folder, size):
-    """From 1 kPa to 100 MPa of surfaces that are given at 1 MPa."""
-    with microslip.build(scene_of(comm, folder, force(0.1 * size, 0.05 * size, -size), (ELASTIC, FROM_NONE)), comm) as structure:
+def test_the_approach_of_a_block_on_rough_ground_follows_the_power_law(comm, folder, size):
+    """The pressure is 1 kPa to 100 MPa; the law is stated at 1 MPa."""
+    with microslip.build(
+        scene_of(comm, folder, force(0.1 * size, 0.05 * size, -size), (ELASTIC, STATIC_POWER)), comm
+    ) as structure:
         pairs, system = structure.pairs, structure.linearised.system
         first, last = system.K.getOwnershipRange()
         du = comm.allreduce(system.R[:, first:last] @ system.rest_owned).reshape(-1, 3)
@@ -66,27 +68,27 @@ def test_a_block_pressed_on_rough_ground_comes_as_near_as_the_power_says(comm, f
 @pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_rough_surfaces_that_open_at_rest_vibrate_about_their_gaps(comm, folder):
-    """Pressed from none; or opened from a stated pressure."""
-    for statics, law in ((eccentric(1000.0), FROM_NONE), (eccentric(-200.0), POWER)):
+    """Pairs open under a load without preload, or against a stated preload."""
+    for statics, law in ((eccentric(1000.0), STATIC_POWER), (eccentric(-200.0), POWER)):
         with microslip.build(scene_of(comm, folder, statics, (ELASTIC, law), name="gaps"), comm) as structure:
-            pairs, again = structure.pairs, pairs_of(*to_arrays(structure))
+            pairs, restored = structure.pairs, pairs_of(*to_arrays(structure))
             response = microslip.respond(structure, levels=[20.0], points=3, span=[0.98, 1.02], error_bars=False)
         assert 0 < pairs.open_at_rest.sum() < pairs.n_pairs and not pairs.law.stiffness[pairs.open_at_rest].any()
         assert np.all(pairs.N0[pairs.open_at_rest] <= 0.0) and not pairs.T0[pairs.open_at_rest].any()
         N = np.maximum(pairs.N0, 0.0) - (PRESSURE * pairs.area if law is POWER else 0.0)
-        load = 1000.0 if law is FROM_NONE else -200.0
+        load = 1000.0 if law is STATIC_POWER else -200.0
         assert N.sum() == pytest.approx(load, rel=1e-8)
         assert N @ pairs.position[:, 0] == pytest.approx(
             0.9 * LENGTH * load, rel=0.05
-        )  # friction on the bottom turns it a little
-        assert np.array_equal(again.law.lift, pairs.law.lift) and np.array_equal(again.law.stiffness, pairs.law.stiffness)
+        )  # friction on the bottom adds a small moment
+        assert np.array_equal(restored.law.lift, pairs.law.lift) and np.array_equal(restored.law.stiffness, pairs.law.stiffness)
         assert response.branches[0].failure is None and max(point.energy.sum() for point in response.branches[0].points) > 0.0
 
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_rough_surfaces_vibrate_about_rest_as_under_the_load_as_a_mean(comm, folder):
-    """Without friction: the pressure of the law about another state is that of the same law, in its full nonlinearity."""
+def test_vibration_of_rough_surfaces_about_rest_equals_that_under_a_mean_load(comm, folder):
+    """Without friction the constant load in the preloads and as harmonic 0 is the same nonlinear problem."""
     statics = "stress_stiffening = false\n" + eccentric(60.0)
     common = (
         ("ratio = 0.01", "rayleigh = [100.0, 0.0]"),
@@ -110,23 +112,25 @@ def test_rough_surfaces_vibrate_about_rest_as_under_the_load_as_a_mean(comm, fol
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_an_iwan_joint_holds_without_pressure(comm, folder):
-    """It pulls, too, and slips in part: the vibration begins where its sliders stand."""
+def test_an_iwan_joint_bears_tension(comm, folder):
+    """The joint bears tension and slips in part; the vibration starts from the positions of its sliders."""
     with microslip.build(scene_of(comm, folder, force(150.0, 50.0, 300.0), (ELASTIC, IWAN)), comm) as structure:
         pairs = structure.pairs
         assert np.einsum("pji,pj->i", pairs.frame[:, :2], pairs.T0)[:2] == pytest.approx([150.0, 50.0], rel=1e-9)
-        stuck = pairs.law.bundle.held_at_rest
+        friction = pairs.law.bundle.held_at_rest
         assert (
-            stuck == pytest.approx(np.hypot(*pairs.T0.T), rel=1e-9) and np.isnan(pairs.N0).all() and not pairs.open_at_rest.any()
+            friction == pytest.approx(np.hypot(*pairs.T0.T), rel=1e-9)
+            and np.isnan(pairs.N0).all()
+            and not pairs.open_at_rest.any()
         )
-        again = pairs_of(*to_arrays(structure))
-        assert np.array_equal(again.law.w0, pairs.law.w0) and pairs.law.w0.any()
+        restored = pairs_of(*to_arrays(structure))
+        assert np.array_equal(restored.law.w0, pairs.law.w0) and pairs.law.w0.any()
         response = microslip.respond(structure, levels=[20.0], points=3, span=[0.99, 1.01], samples=32, error_bars=False)
         assert response.branches[0].failure is None and max(point.energy.sum() for point in response.branches[0].points) > 0.0
 
 
 REFUSED = {
-    "parted": (
+    "open": (
         eccentric(-200.0),
         ROUGH.replace(f"{HEIGHT_OF_ROUGHNESS}", "2e-9"),
         CaseError,
@@ -138,7 +142,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_such_joints_cannot_hold(comm, folder, name):
-    statics, law, error, says = REFUSED[name]
-    with pytest.raises(error, match=says):
+def test_loads_that_such_joints_cannot_bear_are_refused(comm, folder, name):
+    statics, law, error, message = REFUSED[name]
+    with pytest.raises(error, match=message):
         microslip.build(scene_of(comm, folder, statics, (ELASTIC, law), name="refused"), comm)

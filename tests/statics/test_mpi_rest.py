@@ -1,4 +1,4 @@
-"""The joint at rest under constant loads, and the vibration about it; on one rank and on several."""
+"""The joint at rest under constant loads, and vibration about rest; on one rank and on several."""
 
 import csv
 
@@ -16,11 +16,11 @@ from microslip.parallel.agree import on_root
 folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
-def test_normal_and_friction_forces_carry_the_load(comm, folder):
+def test_normal_and_friction_forces_balance_the_load(comm, folder):
     with microslip.build(scene_of(comm, folder, force(150.0, 50.0, -1000.0)), comm) as structure:
         pairs = structure.pairs
-        carried = np.column_stack([pairs.T0, -pairs.N0])  # against the bar
-        total = np.einsum("pji,pj->i", pairs.frame, carried)
+        forces = np.column_stack([pairs.T0, -pairs.N0])  # balance the load on the bar
+        total = np.einsum("pji,pj->i", pairs.frame, forces)
     assert not pairs.open_at_rest.any() and pairs.N0.min() > 0.0
     assert total == pytest.approx([150.0, 50.0, -1000.0], rel=1e-9)
     assert np.all(np.hypot(*pairs.T0.T) <= 0.3 * pairs.N0 * (1.0 + 1e-9))
@@ -28,8 +28,8 @@ def test_normal_and_friction_forces_carry_the_load(comm, folder):
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("pressure", [1e9, 3e9])
-def test_a_pressure_that_no_metal_bears_is_a_warning(comm, folder, pressure):
-    """A hundredth of the modulus of steel, 2.1e11 Pa, lies between the two."""
+def test_an_unrealistic_pressure_is_a_warning(comm, folder, pressure):
+    """A hundredth of the modulus of steel, 2.1e11 Pa, is between the two pressures."""
     statics = "stress_stiffening = false\n" + force(0.0, 0.0, -pressure * LENGTH * WIDTH)
     log = RunLog(comm, screen=False)
     microslip.build(scene_of(comm, folder, statics, *GUIDED), comm, log).close()
@@ -44,22 +44,22 @@ def test_an_eccentric_load_opens_the_far_side(comm, folder):
         N = np.maximum(pairs.N0, 0.0)
         assert pairs.open_at_rest[x == 0.0].all() and not pairs.open_at_rest[x == LENGTH].any()
         assert N.sum() == pytest.approx(1000.0, rel=1e-9)
-        assert (N @ x) / N.sum() == pytest.approx(0.9 * LENGTH, abs=0.02 * LENGTH)  # friction on the bottom turns it a little
+        assert (N @ x) / N.sum() == pytest.approx(0.9 * LENGTH, abs=0.02 * LENGTH)  # friction on the bottom adds a small moment
         assert not pairs.T0[pairs.open_at_rest].any()
-        # the linearised structure has no springs where it is open
+        # the linearised structure has no springs at open pairs
         assert not pairs.law.stiffness[pairs.open_at_rest].any()
 
 
 def test_without_friction_the_steps_do_not_matter(comm, folder):
     values = []
     for steps in (1, 7):
-        with microslip.build(scene_of(comm, folder, f"steps = {steps}\n" + eccentric(800.0), *GUIDED), comm) as one:
-            values.append(one.pairs.N0)
+        with microslip.build(scene_of(comm, folder, f"steps = {steps}\n" + eccentric(800.0), *GUIDED), comm) as structure:
+            values.append(structure.pairs.N0)
     assert values[0] == pytest.approx(values[1], abs=1e-9 * np.abs(values[0]).max())
 
 
-NONE = "no friction would hold it there: turn the loads or the axis round"
-FLIGHTS = {
+NO_FRICTION = "no friction would hold it there: turn the loads or the axis round"
+UNBALANCED = {
     "slides away": (
         force(400.0, 0.0, -1000.0),
         r"body 'bar' moves along \(1, 0, 0\): it slides where friction cannot hold it, and a friction of 0.4\d? would \(stated: 0.3\)",
@@ -68,28 +68,28 @@ FLIGHTS = {
         force(0.0, 0.0, -1000.0) + force(-300.0, -400.0, 0.0, "bar_bottom"),
         r"body 'bar' moves along \(-0\.6, -0\.8, 0\): .* a friction of 0.5\d? would",
     ),
-    "flies off": (force(0.0, 0.0, 10.0), rf"body 'bar' moves along \(0, 0, 1\): {NONE}"),
+    "flies off": (force(0.0, 0.0, 10.0), rf"body 'bar' moves along \(0, 0, 1\): {NO_FRICTION}"),
     "tips over": (
         force(0.0, 0.0, -100.0) + force(0.0, 0.0, 200.0, "bar_end") + force(0.0, 0.0, -50.0, "bar_start"),
-        rf"body 'bar' .*turns about \(0, -1, 0\) through \(0\.025, 0\.005, 0\.01\) m: {NONE}",
+        rf"body 'bar' .*turns about \(0, -1, 0\) through \(0\.025, 0\.005, 0\.01\) m: {NO_FRICTION}",
     ),
 }
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
-def test_where_nothing_holds_the_bar_there_is_no_equilibrium(comm, folder, name):
-    """The message says from which share of the load on, which body moves, and where to."""
-    load, says = FLIGHTS[name]
+@pytest.mark.parametrize("name", UNBALANCED)
+def test_an_insufficiently_supported_bar_has_no_equilibrium(comm, folder, name):
+    """The message states the fraction of the load, the body and the direction of its motion."""
+    load, message = UNBALANCED[name]
     with pytest.raises(
-        ConvergenceError, match=rf"scene.toml: \[statics\]: no equilibrium beyond .* pairs of 'joint' are open: {says}"
+        ConvergenceError, match=rf"scene.toml: \[statics\]: no equilibrium beyond .* pairs of 'joint' are open: {message}"
     ) as caught:
         microslip.build(scene_of(comm, folder, load), comm)
     assert caught.value.exit_status == 3 and "'ground'" not in str(caught.value)
 
 
-def test_a_warm_bar_presses_as_before(comm, folder):
-    warm = '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n'
-    with microslip.build(scene_of(comm, folder, force(0.0, 0.0, -100.0) + warm, *GUIDED), comm) as structure:
+def test_heating_a_bar_does_not_change_its_normal_force(comm, folder):
+    temperature = '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n'
+    with microslip.build(scene_of(comm, folder, force(0.0, 0.0, -100.0) + temperature, *GUIDED), comm) as structure:
         assert np.maximum(structure.pairs.N0, 0.0).sum() == pytest.approx(100.0, rel=1e-9)
         assert not structure.pairs.T0.any()
 
@@ -97,14 +97,14 @@ def test_a_warm_bar_presses_as_before(comm, folder):
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("first_point", ["usual", "held"])
-def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder, first_point, monkeypatch):
-    """Where nothing slips, and pairs open and close: the load in the preloads or as a constant one is the same problem.
+def test_vibration_about_rest_equals_that_under_a_mean_load(comm, folder, first_point, monkeypatch):
+    """Without slip, but with pairs that open and close, the load in the preloads and as harmonic 0 is the same problem.
 
-    Also where the first point is found with the mean slip held by springs alone, which are then released.
+    The first point may also come only from the mean slip held by weak springs, which are then released.
     """
     statics = "stress_stiffening = false\n" + eccentric(60.0)
     common = (
-        ("ratio = 0.01", "rayleigh = [100.0, 0.0]"),  # the modes of the two are not the same, nor would be their damping
+        ("ratio = 0.01", "rayleigh = [100.0, 0.0]"),  # modal damping would differ, because the modes differ
         ("friction = 0.3", "friction = 1e6"),
         ("modes = 8", "modes = 135"),
         ("samples = 64", "samples = 64\ntolerance = 1e-11"),
@@ -128,8 +128,8 @@ def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder, fir
     assert about_rest == pytest.approx(as_mean, abs=1e-6 * np.abs(as_mean).max())
 
 
-def test_spin_and_stress_change_the_stiffness(comm, folder):
-    """A bar far out on a spinning plate is pulled, and its joint pressed or opened: frequencies with and without are told apart."""
+def test_spin_and_stress_change_the_frequency(comm, folder):
+    """The frequency with stress stiffening differs slightly from that without."""
     turning = "rotation_speed = 300.0\n" + force(0.0, 0.0, -5000.0)
     values = []
     for stiffens in ("true", "false"):
@@ -189,7 +189,7 @@ MISTAKES = {
         (),
         "exactly one of force, shortening is needed, found force and shortening",
     ),
-    "pushing bolt": (
+    "negative bolt force": (
         '[[statics.bolts]]\ngroup = "bar_top"\nforce = -1.0\n',
         (),
         "force = -1.0: expected the clamping force in N to which the bolt is tightened, a number above 0",
@@ -204,15 +204,15 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_bad_input(comm, folder, name):
-    statics, changes, says = MISTAKES[name]
-    with pytest.raises(CaseError, match=says):
+def test_bad_statics_are_refused_with_a_message(comm, folder, name):
+    statics, changes, message = MISTAKES[name]
+    with pytest.raises(CaseError, match=message):
         microslip.build(scene_of(comm, folder, statics, *changes, name=f"bad {name}"), comm)
 
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
-def test_time_integration_knows_pairs_that_are_open_at_rest(comm, folder, program):
+def test_time_integration_agrees_with_pairs_that_are_open_at_rest(comm, folder, program):
     changes = ("levels = [5.0]", "levels = [40.0]"), ("harmonics = 3", "harmonics = 7"), ("modes = 8", "modes = 12")
     scene = scene_of(comm, folder, eccentric(400.0), *changes, name="open")
     status, _, err = program("verify", scene.path, "--out", folder / "open", "--steps", "128", "--at", "1700")
@@ -227,7 +227,7 @@ def test_time_integration_knows_pairs_that_are_open_at_rest(comm, folder, progra
     assert float(computed["difference_with_phase"]) < 1e-3 and abs(float(computed["energy_closure"])) < 2e-3
 
 
-def test_an_axis_about_which_nothing_turns_is_noted(comm, folder):
+def test_an_axis_without_rotation_is_noted(comm, folder):
     for statics in (force(0.0, 0.0, -1.0), "rotation_speed = 0.0\n" + force(0.0, 0.0, -1.0)):
         _, _, notes = read_completed(scene_of(comm, folder, statics), comm)
         assert [note[:37] for note in notes] == ["[model] axis: nothing turns about it;"]
@@ -246,8 +246,8 @@ BALANCED = {
 @pytest.mark.slow
 @pytest.mark.parametrize("stiffening", ["", "stress_stiffening = false\n"])
 @pytest.mark.parametrize("name", BALANCED)
-def test_loads_that_balance_press_on_nothing(comm, folder, name, stiffening):
-    """What rounding leaves in the joint is no preload, whether the stiffness at rest is singular with it or not."""
+def test_balanced_loads_without_contact_pressure_are_refused(comm, folder, name, stiffening):
+    """Rounding errors in the joint are not a preload, with a singular or a regular stiffness at rest."""
     scene = scene_of(comm, folder, stiffening + BALANCED[name], name=f"balanced {name}")
     with pytest.raises(
         CaseError, match=r"balanced .*\.toml: \[statics\]: nothing presses on body 'bar' at rest: .* of 'joint' is "
@@ -256,15 +256,15 @@ def test_loads_that_balance_press_on_nothing(comm, folder, name, stiffening):
     assert caught.value.exit_status == 2
 
 
-def test_a_light_load_on_a_warm_body_presses_it_on(comm, folder):
-    """A twenty-millionth of all loads is far above rounding."""
-    warm = '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n'
-    with microslip.build(scene_of(comm, folder, warm + force(0.0, 0.0, -0.1)), comm) as structure:
+def test_a_light_load_on_a_heated_body_is_a_preload(comm, folder):
+    """The load is a twenty-millionth of all loads, well above rounding."""
+    temperature = '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n'
+    with microslip.build(scene_of(comm, folder, temperature + force(0.0, 0.0, -0.1)), comm) as structure:
         assert np.maximum(structure.pairs.N0, 0.0).sum() == pytest.approx(0.1, rel=1e-4)
 
 
-def test_rest_that_is_not_stable_is_named(comm, folder):
-    """A bar that two opposite loads compress beyond buckling."""
+def test_an_unstable_rest_is_refused(comm, folder):
+    """Two opposite loads compress a bar beyond buckling."""
     statics = force(0.0, 0.0, -1e3) + force(-2e7, 0.0, 0.0, "bar_end") + force(2e7, 0.0, 0.0, "bar_start")
     with pytest.raises(CaseError, match="a stiffness matrix must not release energy; the stress at rest is part of it"):
         microslip.build(scene_of(comm, folder, statics), comm)

@@ -1,4 +1,4 @@
-"""A rotating ring against theory: hoop stress, and the frequency of its bending out of its plane; on one rank and on several."""
+"""A rotating ring against theory: hoop stress, and the frequency of out-of-plane bending; on one rank and on several."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ STEEL = Material(young=YOUNG, poisson=0.3, density=DENSITY)
 
 
 def ring():
-    """Return a ring about z, held at a few nodes of its inner face so that it may grow, and bend in cos 2 theta."""
+    """Return a ring about z with groups of inner nodes for supports that allow expansion and bending in cos 2 theta."""
 
     def quarter(k):
         def mapping(u, v, w):
@@ -43,18 +43,18 @@ def ring():
         "between": inner & np.isclose(np.abs(x), np.abs(y)),
     }
     return mesh_of(
-        ("ring", "hex20", body.points, body.elements), groups={name: lambda _, own=own: own for name, own in groups.items()}
+        ("ring", "hex20", body.points, body.elements), groups={name: lambda _, at=at: at for name, at in groups.items()}
     )
 
 
 def turning(speed):
-    held = settings({"ring": "ring"}, supports=[("on_x", "y"), ("on_y", "x"), ("between", "z")])
+    supported = settings({"ring": "ring"}, supports=[("on_x", "y"), ("on_y", "x"), ("between", "z")])
     statics = Statics(rotation_speed=speed, steps=1)
-    return made_of(held, STEEL).with_keys(statics=statics)
+    return made_of(supported, STEEL).with_keys(statics=statics)
 
 
 def at_speed(comm, mesh, speed):
-    """Return this rank's elements, the structure with its stiffness at rest, and the displacement of all nodes.  Collective."""
+    """Return mesh and pairs, the structure with its stiffness at rest, and the displacement of all nodes.  Collective."""
     given = turning(speed)
     shares, pairs = distribute(mesh, given, comm), on_root(comm, pair_contacts, mesh, ())
     system = assemble(shares, mesh, pairs, given)
@@ -67,16 +67,16 @@ def at_speed(comm, mesh, speed):
     return shares, pairs, replace(system, K=K), u
 
 
-def test_the_hoop_stress_is_that_of_a_thin_ring(comm):
-    """sigma = rho Omega^2 r^2, within 1 % in every section of a ring of r / h = 50, and the ring grows by r sigma / E."""
+def test_the_hoop_stress_is_that_of_theory(comm):
+    """sigma = rho Omega^2 r^2 within 1 % in every section of a ring of r / h = 50; the radius grows by r sigma / E."""
     mesh = on_root(comm, ring, share=False)
     speed = 500.0
     shares, _, _, u = at_speed(comm, mesh, speed)
     expected = DENSITY * speed**2 * RADIUS**2
     u_by_rank = u[np.argsort(shares.rank_order)]
-    for own in shares.blocks:
-        stress = elements.stress(turning(speed).sections[own.body].solids(own.kind, own.points), u_by_rank[own.nodes])
-        middle = own.points.mean(axis=1)
+    for cells in shares.blocks:
+        stress = elements.stress(turning(speed).sections[cells.body].solids(cells.kind, cells.points), u_by_rank[cells.nodes])
+        middle = cells.points.mean(axis=1)
         along = np.stack([-middle[:, 1], middle[:, 0], 0.0 * middle[:, 2]], axis=1) / np.linalg.norm(middle, axis=1)[:, None]
         hoop = np.einsum("ei,eqij,ej->eq", along, stress, along)
         assert hoop.mean(axis=1) == pytest.approx(np.full(len(hoop), expected), rel=0.01)  # over the section
@@ -89,7 +89,7 @@ def test_the_hoop_stress_is_that_of_a_thin_ring(comm):
 
 
 def bending(comm, mesh, speed):
-    """Return omega of the mode with n = 2 nodal diameters across the plane of the ring [rad/s]."""
+    """Return omega of the out-of-plane mode with n = 2 nodal diameters [rad/s]."""
     _, pairs, system, _ = at_speed(comm, mesh, speed)
     linearised = linearise(system, pairs)
     modes = lowest_modes(linearised, 12)
@@ -104,8 +104,8 @@ def bending(comm, mesh, speed):
     return modes.omega_n[on_root(comm, number)]
 
 
-def test_the_ring_stiffens_as_theory_says(comm):
-    """omega^2 = omega_0^2 + n^2 Omega^2 out of the plane: the tension rho A Omega^2 r^2 on slopes n w / r, and no spin softening."""
+def test_the_ring_stiffens_as_in_theory(comm):
+    """omega^2 = omega_0^2 + n^2 Omega^2 by the tension rho A Omega^2 r^2 on slopes n w / r, without spin softening."""
     mesh = on_root(comm, ring, share=False)
     at_rest = bending(comm, mesh, 1e-6)
     speed = 0.7 * at_rest

@@ -1,4 +1,4 @@
-"""Rotation against theory: stress of a spinning bar, frequencies of a spinning beam; on one rank and on several."""
+"""Rotation against theory: a spinning bar, frequencies of a stretched bar and of a spinning beam; on one or several ranks."""
 
 import numpy as np
 import pytest
@@ -55,8 +55,8 @@ def turning(speed):
     return f"rotation_speed = {float(speed)!r}"
 
 
-def test_a_spinning_bar_stretches_as_theory_says(comm, folder):
-    """u(L) = rho Omega^2 L^3 / (3 E) of a bar from the axis outwards, without Poisson's ratio; its force at the hub is m Omega^2 L/2."""
+def test_a_spinning_bar_has_the_elongation_of_theory(comm, folder):
+    """u(L) = rho Omega^2 L^3 / (3 E) of a radial bar with Poisson's ratio 0."""
     speed = 100.0
     settings = scene_of(comm, folder, turning(speed))
     mesh = on_root(comm, read_mesh, settings, share=False)
@@ -76,15 +76,15 @@ def test_a_spinning_bar_stretches_as_theory_says(comm, folder):
 
 
 @pytest.mark.parametrize("deformed", [True, False])
-def test_a_bar_that_is_stretched_vibrates_along_as_theory_says(comm, folder, deformed):
-    """omega = pi / (2 L) sqrt(E / rho) sqrt(l^2 + l - 1), l the stretch of a bar without contraction: of shape and of stress."""
+def test_a_stretched_bar_has_the_axial_frequency_of_theory(comm, folder, deformed):
+    """omega = pi / (2 L) sqrt(E / rho) sqrt(l^2 + l - 1) at stretch l: l^2 by the deformed shape, else 1, and l - 1 by the stress."""
     stretch = 1.02
-    pulled = f"""deformed_shape = {str(deformed).lower()}
+    statics = f"""deformed_shape = {str(deformed).lower()}
 [[statics.pressures]]
 group = "tip"
 pressure = {-(stretch - 1.0) * YOUNG}
 """
-    scene = scene_of(comm, folder, pulled, (SIDES, END))
+    scene = scene_of(comm, folder, statics, (SIDES, END))
     with microslip.build(scene, comm) as structure:
         omega = structure.modes.omega_n[0]
     expected = stretch**2 if deformed else 1.0
@@ -93,9 +93,9 @@ pressure = {-(stretch - 1.0) * YOUNG}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("eta, flap", [(0.0, 3.5160), (3.0, 4.7973), (6.0, 7.3604), (12.0, 13.1702)])
-def test_a_spinning_beam_stiffens_as_theory_says(comm, folder, eta, flap):
-    """A. D. Wright and others, Journal of Applied Mechanics 49 (1982) 197: flap of a beam clamped on the axis; in the plane,
-    omega^2 is less by Omega^2."""
+def test_a_spinning_beam_has_the_frequencies_of_theory(comm, folder, eta, flap):
+    """A. D. Wright and others, Journal of Applied Mechanics 49 (1982) 197: flap of a beam clamped on the axis; in the plane
+    omega^2 is smaller by Omega^2."""
     with microslip.build(scene_of(comm, folder, turning(eta * OMEGA_1 or 1e-6)), comm) as structure:
         computed = np.sort(structure.modes.omega_n)[:2] / OMEGA_1
     assert computed == pytest.approx([np.sqrt(flap**2 - eta**2), flap], rel=5e-3)

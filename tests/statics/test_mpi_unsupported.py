@@ -1,4 +1,4 @@
-"""Rest of a structure without supports under loads in balance: that of the same structure on springs that carry nothing."""
+"""Rest of a structure without supports under balanced loads against that of the structure on soft springs."""
 
 import numpy as np
 import pytest
@@ -35,8 +35,8 @@ def rest_of(folder, statics, change, name):
         return structure.pairs.N0, structure.pairs.T0, structure.omega_n[n_soft : n_soft + 2]
 
 
-def test_a_pressed_joint_of_a_free_structure(folder):
-    """Contact forces, their sum, the elastic modes about rest, and what stress stiffening adds to them, as on soft springs."""
+def test_rest_and_modes_of_a_free_structure_equal_those_on_soft_springs(folder):
+    """Contact forces, elastic frequencies about rest and their shift by stress stiffening are those on soft springs."""
     stiffened, plain = PRESSED, "stress_stiffening = false\n" + PRESSED
     (N, T, omega), (N_soft, T_soft, omega_soft) = (
         rest_of(folder, stiffened, change, name) for change, name in ((FREE, "free"), ((BASE, SPRINGS), "soft"))
@@ -59,13 +59,13 @@ def test_a_pressed_joint_of_a_free_structure(folder):
         ("large_displacements = true\n" + PRESSED, "large_displacements = true needs .*supports"),
     ],
 )
-def test_loads_that_a_free_structure_cannot_bear(folder, statics, message):
+def test_unbalanced_loads_on_a_free_structure_are_refused(folder, statics, message):
     scene = scene_of(comm, folder, statics, FREE)
     with pytest.raises(CaseError, match=message):
         microslip.build(scene, comm)
 
 
-def test_loads_along_a_motion_that_supports_leave_free(folder):
-    held = (BASE, BASE.replace('"x", ', ""))
+def test_loads_along_a_free_motion_are_refused(folder):
+    free_along_x = (BASE, BASE.replace('"x", ', ""))
     with pytest.raises(CaseError, match="in balance along the rigid-body motions that .* leave free"):
-        microslip.build(scene_of(comm, folder, force(400.0, 0.0, -400.0), held), comm)
+        microslip.build(scene_of(comm, folder, force(400.0, 0.0, -400.0), free_along_x), comm)

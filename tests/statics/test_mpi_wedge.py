@@ -1,4 +1,4 @@
-"""A wedge between two platforms that centrifugal force alone presses on: forces on its flanks, and when it flies off."""
+"""A wedge damper under two platforms, with only centrifugal force: forces on its flanks, and loss of contact."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ SCENE = (
     + response(1.0)
     + table("solver", modes=4)
 )
-GUIDE = '[[supports]]\ngroup = "damper_end"\nfix = ["y"]\n'  # without friction nothing else holds the damper along the axis
+GUIDE = '[[supports]]\ngroup = "damper_end"\nfix = ["y"]\n'  # support of the damper along the axis without friction
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def folder(comm, tmp_path_factory):
 
 
 def scene_of(comm, folder, name, friction=FRICTION, speed=SPEED, pressure=1e6, height=0.0, more=""):
-    """Return a scene of the two blades and their damper.  Collective."""
+    """Return a scene of two blades and their damper.  Collective."""
 
     def write():
         joints = "".join(
@@ -52,7 +52,7 @@ def scene_of(comm, folder, name, friction=FRICTION, speed=SPEED, pressure=1e6, h
 
 
 def pull():
-    """Return the centrifugal force of the trapezoid, N: the density times the integral of width times z, times speed squared."""
+    """Return the centrifugal force of the trapezoid [N]: density, speed squared and the integral of width times z."""
     z_top, z_bottom = (GIVEN.ridge_radius - 0.5 * GIVEN.slope * width for width in (GIVEN.damper_top, GIVEN.damper_bottom))
     z, weight = np.polynomial.legendre.leggauss(2)
     z = 0.5 * (z_top + z_bottom + z * (z_top - z_bottom))
@@ -61,7 +61,7 @@ def pull():
 
 
 def flanks(comm, scene):
-    """Return the normal force of each flank (2,), and all that the damper gives to the platforms (3,), N."""
+    """Return the normal force of each flank (2,), and the total force on the platforms (3,) [N]."""
     with microslip.build(scene, comm) as structure:
         pairs = structure.pairs
         N = np.maximum(pairs.N0, 0.0)
@@ -70,14 +70,14 @@ def flanks(comm, scene):
     return np.array([N[left].sum(), N[~left].sum()]), total
 
 
-def test_without_friction_each_flank_bears_its_half_through_the_wedge_angle(comm, folder):
+def test_without_friction_each_flank_bears_half_of_the_force(comm, folder):
     normal, total = flanks(comm, scene_of(comm, folder, "smooth", friction=0.0, more=GUIDE))
     assert normal == pytest.approx(0.5 * pull() / np.cos(np.radians(GIVEN.flank_angle)), rel=1e-9)
     assert total == pytest.approx([0.0, 0.0, pull()], rel=1e-9, abs=1e-9 * pull())
 
 
-def test_friction_takes_its_share_of_the_pull(comm, folder):
-    """The platforms stretch and let the wedge climb: friction bears with the normal forces, up to mu times them."""
+def test_friction_reduces_the_normal_forces(comm, folder):
+    """Friction of at most mu times the normal force bears a part of the centrifugal force."""
     normal, total = flanks(comm, scene_of(comm, folder, "rough"))
     angle = np.radians(GIVEN.flank_angle)
     least = 0.5 * pull() / (np.cos(angle) + FRICTION * np.sin(angle))
@@ -86,14 +86,14 @@ def test_friction_takes_its_share_of_the_pull(comm, folder):
     assert total == pytest.approx([0.0, 0.0, pull()], rel=1e-9, abs=1e-9 * pull())
 
 
-def test_a_damper_that_is_pulled_inwards_flies_off(comm, folder):
-    """With the axis beyond the tips the pull is inwards, and nothing is under the damper."""
+def test_an_inward_force_on_the_damper_has_no_equilibrium(comm, folder):
+    """With the axis beyond the tips the force is inwards, where the damper has no support."""
     with pytest.raises(ConvergenceError, match=r"no equilibrium beyond .*body 'damper' moves along \(0, 0, -1\)") as caught:
         flanks(comm, scene_of(comm, folder, "away", height=0.6, pressure=1.0))
     assert caught.value.exit_status == 3
 
 
-def test_a_damper_without_pull_is_not_held(comm, folder):
-    """Only the platforms move, apart from each other: nothing presses the damper on, and open pairs hold nothing."""
+def test_a_damper_without_centrifugal_force_is_unsupported(comm, folder):
+    """Only the platforms are loaded: no contact pressure acts on the damper, and open pairs do not support it."""
     with pytest.raises(CaseError, match="nothing presses on body 'damper' at rest: .* of 'left' and 'right' is "):
         flanks(comm, scene_of(comm, folder, "slow", speed=0.0, pressure=1e4))
