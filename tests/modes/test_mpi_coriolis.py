@@ -1,4 +1,4 @@
-"""Natural frequencies with Coriolis forces: against dense matrices, a turning shaft, the ring in full; on any number of ranks."""
+"""Natural frequencies with Coriolis forces against dense matrices, a rotating shaft, the complete ring; on one and two ranks."""
 
 import csv
 from contextlib import contextmanager
@@ -49,12 +49,12 @@ def write_shaft(folder, speed, n=8, modes=4, coriolis=True, more=""):
 @contextmanager
 def computed(path, comm):
     """Yield parts, factor, modes and waves of a scene.  Collective."""
-    with stuck_modes(read_scene(path), comm, RunLog(comm, screen=False)) as everything:
-        yield everything
+    with stuck_modes(read_scene(path), comm, RunLog(comm, screen=False)) as results:
+        yield results
 
 
-def test_the_space_of_all_modes_solves_the_full_equations(comm, shared_path):
-    """All omega of K_L - omega^2 M + i omega G by a dense pencil of twice the size; G is skew, and 2 m Omega x of a rigid motion."""
+def test_the_space_of_all_modes_solves_the_complete_equations(comm, shared_path):
+    """All omega of K_L - omega^2 M + i omega G equal those of a dense pencil of twice the size; G is skew and couples y and z."""
     disc = table("[masses]", group="tip", mass=0.05)
     path = on_root(comm, lambda: write_shaft(shared_path, 60.0, 2, 72, more=disc))
     scene, log = read_scene(path), RunLog(comm, screen=False)
@@ -62,29 +62,29 @@ def test_the_space_of_all_modes_solves_the_full_equations(comm, shared_path):
     G, M = (comm.bcast(gathered(A)) for A in (matrix.G, parts.rest.system.M))
     np.testing.assert_allclose(G, -G.T, atol=1e-14 * np.abs(G).max())
     rows = parts.rest.system.dof
-    y, z = (rows[:, k][rows[:, k] >= 0] for k in (1, 2))  # nodes are held in all directions, or in none
+    y, z = (rows[:, k][rows[:, k] >= 0] for k in (1, 2))  # nodes are fixed in all directions, or in none
     np.testing.assert_allclose(G[np.ix_(z, y)], 2.0 * 60.0 * M[np.ix_(y, y)], atol=1e-12 * np.abs(G).max())
-    assert np.abs(G[rows[:, 0][rows[:, 0] >= 0]]).max() == 0.0  # motion along the axis feels none
+    assert np.abs(G[rows[:, 0][rows[:, 0] >= 0]]).max() == 0.0  # no Coriolis forces along the axis
     matrix.destroy()
     parts.rest.system.destroy()
     with computed(path, comm) as (_, linearised, _, waves):
         K_L = comm.bcast(gathered(linearised.K_L))
         n = len(M)
-        zero = np.zeros((n, n))
-        pencil = np.block([[zero, K_L], [K_L, 1j * G]]), scipy.linalg.block_diag(K_L, M)  # of u and omega u
+        zeros = np.zeros((n, n))
+        pencil = np.block([[zeros, K_L], [K_L, 1j * G]]), scipy.linalg.block_diag(K_L, M)  # for u and omega u
         omega = scipy.linalg.eigh(*pencil, eigvals_only=True)
         np.testing.assert_allclose(waves.omega[:40], omega[n : n + 40], rtol=1e-8)
         assert len(waves.omega) == n and waves.residual < 1e-5
-        in_full = waves.omega[:3]
+        of_all_modes = waves.omega[:3]
     with computed(on_root(comm, lambda: write_shaft(shared_path, 60.0, 2, 3, more=disc)), comm) as (_, _, _, waves):
-        np.testing.assert_allclose(waves.omega, in_full, rtol=1e-9)  # from few modes
+        np.testing.assert_allclose(waves.omega, of_all_modes, rtol=1e-9)  # with few modes
         assert waves.residual < 1e-5
 
 
-def test_a_shaft_whirls_at_its_frequency_plus_and_minus_the_speed(comm, shared_path):
-    """In axes that turn with a round shaft the bending frequencies omega_0 are omega_0 -+ Omega: standing axes see omega_0."""
-    still = on_root(comm, write_shaft, shared_path, 1e-3)
-    with computed(still, comm) as (_, _, modes, _):
+def test_a_rotating_shaft_has_frequencies_shifted_by_the_speed(comm, shared_path):
+    """In rotating axes the bending frequencies of a shaft are omega_0 -+ Omega, with omega_0 in fixed axes."""
+    at_rest = on_root(comm, write_shaft, shared_path, 1e-3)
+    with computed(at_rest, comm) as (_, _, modes, _):
         omega_0 = modes.omega_n[0]
     speed = 0.5 * omega_0
     with computed(on_root(comm, write_shaft, shared_path, float(speed)), comm) as (_, _, modes, waves):
@@ -93,26 +93,31 @@ def test_a_shaft_whirls_at_its_frequency_plus_and_minus_the_speed(comm, shared_p
 
 
 @pytest.mark.parametrize("N", [5, pytest.param(6, marks=pytest.mark.ranks(1))])
-def test_waves_of_a_sector_are_those_of_the_ring(comm, shared_path, N):
-    """Every frequency of the ring in full is that of a wave, backward or forward, of one nodal diameter."""
-    speed, n, few = 600.0, 54, 2
+def test_waves_of_a_sector_have_the_frequencies_of_the_ring(comm, shared_path, N):
+    """Every frequency of the complete ring is that of a wave, backward or forward, of a nodal diameter."""
+    speed, n, n_few = 600.0, 54, 2
     end = turning(speed) + table("damping", ratio=0.01) + table("response", levels=[1.0], mode=1, span=[0.9, 1.1])
     contact = {"preload": 2e9, "friction": 0.5}
     path = on_root(comm, lambda: write_sector(shared_path, N, end + table("solver", modes=n), **contact))
-    log, all_waves, split, in_full = RunLog(comm, screen=False), [], [], []
+    log, all_waves, split, of_many_modes = RunLog(comm, screen=False), [], [], []
     parts, matrix = with_matrix(read_scene(path), comm, log)
-    for at in modes_by_diameter(parts, matrix, n, range(N // 2 + 1), log):
-        is_real, (backward, forward) = at.diameter == 0 or 2 * at.diameter == N, at.waves
+    for waves_of_diameter in modes_by_diameter(parts, matrix, n, range(N // 2 + 1), log):
+        is_real, (backward, forward) = (
+            waves_of_diameter.diameter == 0 or 2 * waves_of_diameter.diameter == N,
+            waves_of_diameter.waves,
+        )
         all_waves += [backward.omega] if is_real else [backward.omega, forward.omega]
         split.append(np.abs(backward.omega / forward.omega - 1.0).max())
         assert backward.residual < 1e-6 and forward.residual < 1e-6
         assert (split[-1] < 1e-10) == is_real
-        in_full.append((backward.omega[:few], forward.omega[:few]))
+        of_many_modes.append((backward.omega[:n_few], forward.omega[:n_few]))
     assert max(split) > 1e-3
     parts, matrix = with_matrix(read_scene(path), comm, log)
-    for at in modes_by_diameter(parts, matrix, few, range(N // 2 + 1), log):
-        np.testing.assert_allclose([wave.omega for wave in at.waves], in_full[at.diameter], rtol=1e-9)  # from few modes
-        assert max(wave.residual for wave in at.waves) < 1e-5
+    for waves_of_diameter in modes_by_diameter(parts, matrix, n_few, range(N // 2 + 1), log):
+        np.testing.assert_allclose(
+            [wave.omega for wave in waves_of_diameter.waves], of_many_modes[waves_of_diameter.diameter], rtol=1e-9
+        )  # with few modes
+        assert max(wave.residual for wave in waves_of_diameter.waves) < 1e-5
 
     def written():
         path = write_ring(shared_path, N, end + table("solver", modes=N * n), **contact)
@@ -129,21 +134,21 @@ def column(path, name):
 
 
 @pytest.mark.pictures
-def test_the_program_shows_waves_of_a_disc_at_several_speeds(comm, shared_path, program):
-    """Backward and forward waves part with the speed, in proportion; engine orders meet the waves which they excite."""
+def test_campbell_table_has_the_waves_of_a_disc_at_several_speeds(comm, shared_path, program):
+    """The difference of backward and forward frequencies is proportional to the speed; the diagrams are drawn."""
     N, out = 6, shared_path / "out"
     end = turning(60.0) + response(1.0) + table("solver", modes=3)
     path = on_root(comm, lambda: write_sector(shared_path, N, end, preload=2e7, friction=0.5))
-    status, said, err = program("modes", path, "--speeds", "30,60,120", "--out", out)
-    assert (status, err) == (0, "") and "largest residual" in said and "left out" not in said
-    assert "nodal diameter 1: modes without Coriolis forces computed from the whole spectrum: none is missing" in said
+    status, output, err = program("modes", path, "--speeds", "30,60,120", "--out", out)
+    assert (status, err) == (0, "") and "largest residual" in output and "left out" not in output
+    assert "nodal diameter 1: modes without Coriolis forces computed from the whole spectrum: none is missing" in output
     comm.barrier()
     with open(out / "campbell.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     of_wave = {(int(row["nodal_diameter"]), row["wave"], float(row["speed_rad_s"])): float(row["family_1_Hz"]) for row in rows}
     assert len(of_wave) == 4 * 2 * 3
-    apart = [of_wave[1, "backward", speed] - of_wave[1, "forward", speed] for speed in (30.0, 60.0, 120.0)]
-    assert apart == pytest.approx([0.25 * apart[2], 0.5 * apart[2], apart[2]], rel=1e-2) and abs(apart[2]) > 1e-3
+    split = [of_wave[1, "backward", speed] - of_wave[1, "forward", speed] for speed in (30.0, 60.0, 120.0)]
+    assert split == pytest.approx([0.25 * split[2], 0.5 * split[2], split[2]], rel=1e-2) and abs(split[2]) > 1e-3
     assert of_wave[0, "backward", 60.0] == pytest.approx(of_wave[0, "forward", 60.0], rel=1e-12)
     at_highest = {name: column(out / "modes.csv", f"{name}_frequency_Hz") for name in ("backward", "forward")}
     assert at_highest["forward"][3] == pytest.approx(of_wave[1, "forward", 120.0], rel=1e-8)  # the first of diameter 1

@@ -1,4 +1,4 @@
-"""An eigensolver that finds too few modes: again in a larger space, then a failure with its status, on all ranks alike."""
+"""Too few converged modes: a search in a larger space, then a failure with its status, the same on all ranks."""
 
 import lattices
 import numpy as np
@@ -23,17 +23,21 @@ def linearised(comm):
 
 
 @pytest.mark.study
-def test_a_space_too_small_is_doubled(comm, linearised, options):
-    """One restart in a space of 24 finds some of 12 modes; in a larger space all of them come."""
+def test_a_space_that_is_too_small_is_doubled(comm, linearised, options):
+    """With one restart only some of 12 modes converge in a space of 24, and all in a larger space."""
     options(modes_eps_ncv=24, modes_eps_max_it=1)
     modes = lowest_modes(linearised, 10)
     np.testing.assert_allclose(modes.omega_n, lattices.lattice_frequencies(SHAPE)[:10], rtol=1e-9)
-    said = modes.info["messages"]
-    assert 1 <= len(said) <= 2 and "of 12 converged in a space of 24" in said[0] and modes.info["basis"] == 24 * 2 ** len(said)
-    assert len(set(comm.allgather(said))) == 1
+    messages = modes.info["messages"]
+    assert (
+        1 <= len(messages) <= 2
+        and "of 12 converged in a space of 24" in messages[0]
+        and modes.info["basis"] == 24 * 2 ** len(messages)
+    )
+    assert len(set(comm.allgather(messages))) == 1
 
 
-def test_too_few_in_the_largest_space_too_is_a_failure(comm, linearised, options, monkeypatch):
+def test_too_few_modes_in_the_largest_space_are_an_error(comm, linearised, options, monkeypatch):
     monkeypatch.setattr(shift_invert, "_TRIES", 2)
     options(modes_eps_ncv=41, modes_eps_max_it=1, modes_eps_tol=1e-30)
     with pytest.raises(
@@ -43,6 +47,6 @@ def test_too_few_in_the_largest_space_too_is_a_failure(comm, linearised, options
     assert caught.value.exit_status == 3 and len(set(comm.allgather(str(caught.value)))) == 1
 
 
-def test_nothing_is_said_where_the_first_space_suffices(linearised, options):
+def test_a_sufficient_space_gives_no_message(linearised, options):
     options(modes_eps_type="krylovschur")
     assert lowest_modes(linearised, 5).info["messages"] == ()

@@ -1,4 +1,4 @@
-"""Modes of complex matrices in real form: the search has one vector of each plane, and multiple modes are complete."""
+"""Modes of complex matrices in real form: the search has one vector of each plane, and multiple eigenvalues are complete."""
 
 import numpy as np
 import pytest
@@ -19,14 +19,14 @@ comm = MPI.COMM_WORLD
 PHASE = 0.7
 
 
-class Complex:
+class ComplexMatrices:
     """A system of two complex matrices."""
 
     comm, dof, parts, part_names, is_complex = comm, None, None, (), True
 
     @property
     def maps(self):
-        """The same."""
+        """Return the system itself."""
         return self
 
 
@@ -35,11 +35,11 @@ def structure(K, M):
     ranges = 2 * np.linspace(0, K.shape[0], comm.size + 1).astype(int)
     K_L, M = distributed(comm, real_matrix(K), ranges), distributed(comm, real_matrix(M), ranges)
     K_L.setOption(PETSc.Mat.Option.SPD, True)
-    return Linearised(Complex(), K_L, M, Factor(K_L))
+    return Linearised(ComplexMatrices(), K_L, M, Factor(K_L))
 
 
 def ring(n):
-    """Return K of a ring of n unit masses that closes with a phase, and its frequencies, all of them different."""
+    """Return K of a ring of n unit masses that is closed with a phase, and its frequencies, which all differ."""
     K = sp.diags([2.0 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1], dtype=complex).tolil()
     K[n - 1, 0], K[0, n - 1] = -np.exp(1j * PHASE), -np.exp(-1j * PHASE)
     waves = (2.0 * np.pi * np.arange(n) + PHASE) / n
@@ -70,8 +70,8 @@ def test_the_search_space_has_one_vector_of_each_plane(monkeypatch):
 
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("n_rings", [2, 3])
-def test_multiple_modes_are_complete(n_rings):
-    """Equal rings: a Krylov space has one of the modes of each; the count shows the others, and searches for them follow."""
+def test_multiple_eigenvalues_are_complete(n_rings):
+    """A Krylov space of equal rings has one mode of each eigenvalue; the count shows the others, which further searches compute."""
     K, omega = ring(300)
     linearised = structure(sp.kron(sp.identity(n_rings), K).tocsr(), sp.identity(300 * n_rings))
     modes = lowest_modes(linearised, 5)
@@ -81,8 +81,8 @@ def test_multiple_modes_are_complete(n_rings):
 
 
 @pytest.mark.ranks(1, 2)
-def test_all_motions_with_mass():
-    """Eight masses among 400 DOFs: the search of one vector of each plane meets no ninth motion, and the usual one ends with all eight."""
+def test_a_search_for_more_modes_than_masses_ends_with_all_modes():
+    """Of 400 DOFs eight have mass: a search for twelve modes returns eight."""
     K, _ = ring(400)
     mass = np.zeros(400)
     mass[::50] = 1.0
@@ -94,8 +94,8 @@ def test_all_motions_with_mass():
 
 
 @pytest.mark.ranks(1, 2)
-def test_ritz_vectors_are_multiplied_without_a_solve():
-    """By the Krylov relation, with one vector of a plane there twice; the product with K_L^-1 M has the same by solves."""
+def test_products_of_ritz_vectors_need_no_solve():
+    """The Krylov relation gives K_L^-1 M times Ritz vectors, also with both vectors of a plane."""
     K, _ = ring(100)
     rng, linearised, steps = np.random.default_rng(3), structure(K, sp.identity(100)), 30
     A, V = np.linalg.inv(K.toarray()), np.linalg.qr(rng.normal(size=(100, 1)) + 1j * rng.normal(size=(100, 1)))[0]
@@ -103,7 +103,7 @@ def test_ritz_vectors_are_multiplied_without_a_solve():
         V = np.linalg.qr(np.hstack([V, A @ V[:, -1:]]))[0]
     theta, Q = np.linalg.eigh(V[:, :steps].conj().T @ A @ V[:, :steps])
     theta, phi = theta[:-4:-1], V[:, :steps] @ Q[:, :-4:-1]
-    first, last = (each // 2 for each in linearised.M.getOwnershipRange())
+    first, last = (row // 2 for row in linearised.M.getOwnershipRange())
     twice = np.hstack([phi, 1j * phi[:, :1]])[first:last]
     eigenvalues, smooth_owned, forces = smoothed(linearised, np.append(theta, theta[0]), twice, V[first:last, -1:])
     smooth = np.concatenate(comm.allgather(smooth_owned))

@@ -33,7 +33,7 @@ def inverse(system, pairs):
 
 
 @pytest.mark.parametrize("batch", [None, 1, 5])
-def test_flexibility_of_the_pairs(joined, batch, monkeypatch):
+def test_static_columns_equal_the_dense_flexibility(joined, batch, monkeypatch):
     linearised, pairs = joined
     system = linearised.system
     monkeypatch.setattr(constraint, "_BATCH", batch or constraint._BATCH)
@@ -47,8 +47,8 @@ def test_flexibility_of_the_pairs(joined, batch, monkeypatch):
 
 
 @pytest.mark.parametrize("m_left, m_right", [(0, 3), (3, 0), (0, 0), (2, 7), (7, 2)])
-def test_shapes_and_the_smaller_side(joined, m_left, m_right):
-    """The solves are as many as the columns of the smaller side that are not zero."""
+def test_solves_are_those_of_the_smaller_side(joined, m_left, m_right):
+    """The number of solves is that of the nonzero columns of the smaller side."""
     linearised, pairs = joined
     n_dof = linearised.system.n_dof
     left = sp.random(m_left, n_dof, 0.1, format="csr", random_state=1)
@@ -60,11 +60,11 @@ def test_shapes_and_the_smaller_side(joined, m_left, m_right):
     np.testing.assert_allclose(columns, exact, atol=1e-13 * abs(exact).max(initial=0.0))
     assert linearised.factor.info["solves"] - before == min(m_left, m_right)
     ranges = np.arange(comm.size + 1) * m_left // comm.size
-    mine = static_columns(linearised, left, right, row_ranges=ranges)
-    np.testing.assert_allclose(mine, columns[ranges[comm.rank] : ranges[comm.rank + 1]], rtol=1e-12)
+    columns_owned = static_columns(linearised, left, right, row_ranges=ranges)
+    np.testing.assert_allclose(columns_owned, columns[ranges[comm.rank] : ranges[comm.rank + 1]], rtol=1e-12)
 
 
-def test_columns_of_zeros_cost_nothing(joined):
+def test_zero_columns_need_no_solve(joined):
     linearised, _ = joined
     right = sp.csc_matrix(([2.0], ([4], [3])), shape=(linearised.system.n_dof, 6))
     before = linearised.factor.info["solves"]
@@ -74,17 +74,17 @@ def test_columns_of_zeros_cost_nothing(joined):
 
 
 @pytest.fixture
-def always(monkeypatch):
-    """Entries of the inverse however small the structure; the numbers of those that were asked for, call by call."""
+def requested(monkeypatch):
+    """Use entries of the inverse for a small structure; return the list of the number of columns of each call."""
     monkeypatch.setattr(constraint, "_FEW", 0)
     monkeypatch.setattr(constraint, "_MOST_ROWS", 1.0)
-    asked, entries = [], Factor.inverse_entries
-    monkeypatch.setattr(Factor, "inverse_entries", lambda *args: (asked.append(len(args[2])), entries(*args))[1])
-    return asked
+    numbers, entries = [], Factor.inverse_entries
+    monkeypatch.setattr(Factor, "inverse_entries", lambda *args: (numbers.append(len(args[2])), entries(*args))[1])
+    return numbers
 
 
 @pytest.mark.parametrize("bytes_of_batch", [None, 2000.0])
-def test_entries_of_the_inverse_are_what_solves_give(joined, always, monkeypatch, bytes_of_batch):
+def test_columns_from_entries_of_the_inverse_are_exact(joined, requested, monkeypatch, bytes_of_batch):
     linearised, pairs = joined
     system = linearised.system
     R, J = system.R, np.unique(system.R.indices)
@@ -93,22 +93,22 @@ def test_entries_of_the_inverse_are_what_solves_give(joined, always, monkeypatch
     exact = R @ inverse(system, pairs) @ R.T
     before = linearised.factor.info["solves"]
     columns = static_columns(linearised, R, R.T.tocsc())
-    assert always == ([6] * 6 if bytes_of_batch else [len(J)])  # 2,000 bytes are 6 columns of 36 rows
+    assert requested == ([6] * 6 if bytes_of_batch else [len(J)])  # 2,000 bytes are 6 columns of 36 rows
     assert linearised.factor.info["solves"] == before + 1  # the check
     np.testing.assert_allclose(columns, exact, atol=1e-13 * abs(exact).max())
     ranges = np.array([0] + [len(exact)] * comm.size)
     some = R.T.tocsc()[:, [3, 4, 5, 12, 13, 14]]
     columns = static_columns(linearised, R, some, row_ranges=ranges)
-    mine = exact[ranges[comm.rank] : ranges[comm.rank + 1]]
-    np.testing.assert_allclose(columns, mine[:, [3, 4, 5, 12, 13, 14]], atol=1e-13 * abs(exact).max())
+    columns_owned = exact[ranges[comm.rank] : ranges[comm.rank + 1]]
+    np.testing.assert_allclose(columns, columns_owned[:, [3, 4, 5, 12, 13, 14]], atol=1e-13 * abs(exact).max())
 
 
-def test_wrong_and_refused_entries_are_solved_for(joined, always, monkeypatch):
+def test_wrong_and_refused_entries_are_replaced_by_solves(joined, requested, monkeypatch):
     linearised, pairs = joined
-    R, good = linearised.system.R, Factor.inverse_entries
+    R, inverse_entries = linearised.system.R, Factor.inverse_entries
 
     def wrong(*args):
-        entries = good(*args)
+        entries = inverse_entries(*args)
         if entries.size:
             entries[:, 7] *= 1.0 + 1e-5
         return entries
@@ -122,10 +122,10 @@ def test_wrong_and_refused_entries_are_solved_for(joined, always, monkeypatch):
         np.testing.assert_allclose(columns, exact, atol=1e-13 * abs(exact).max())
 
 
-def test_sums_of_rows_known_beforehand_take_the_place_of_the_check(joined, always, monkeypatch):
-    """Right sums make no solve; wrong ones one, which says that the entries are right; and wrong entries do not agree with them."""
+def test_sums_of_rows_replace_the_check_by_a_solve(joined, requested, monkeypatch):
+    """Correct sums need no solve, wrong sums a solve that confirms the entries; wrong entries disagree with correct sums."""
     linearised, pairs = joined
-    R, good, some = linearised.system.R, Factor.inverse_entries, np.array([3, 4, 5, 12, 13, 14])
+    R, inverse_entries, some = linearised.system.R, Factor.inverse_entries, np.array([3, 4, 5, 12, 13, 14])
     exact = R @ inverse(linearised.system, pairs) @ R.T
     signs = np.random.default_rng(1).choice([-1.0, 1.0], len(exact))
     sums = RowSums(signs, static_columns(linearised, R, sp.csc_matrix(R.T @ signs).T)[:, 0])
@@ -140,30 +140,30 @@ def test_sums_of_rows_known_beforehand_take_the_place_of_the_check(joined, alway
     assert checks(replace(sums, sums=sums.sums * (1.0 + 1e-5)).of(some)) == 1
 
     def wrong(*args):
-        entries = good(*args)
+        entries = inverse_entries(*args)
         if entries.size:
             entries[7] *= 1.0 + 1e-5
         return entries
 
     monkeypatch.setattr(Factor, "inverse_entries", wrong)
-    assert checks(sums.of(some)) == 1 + len(some)  # the check, and solves in place of the entries
+    assert checks(sums.of(some)) == 1 + len(some)  # the check, and solves that replace the entries
 
 
-def test_columns_of_pairs_are_checked_by_one_solve_beforehand(joined, always):
+def test_columns_of_pairs_are_checked_by_one_solve_in_advance(joined, requested):
     linearised, pairs = joined
     G, system = static_response(linearised).G_static, linearised.system
     before = linearised.factor.info["solves"]
     for part in np.array_split(np.arange(pairs.n_pairs), 3):
         G.put(part, G.solve(part))
-    assert linearised.factor.info["solves"] == before and len(always) == 3
+    assert linearised.factor.info["solves"] == before and len(requested) == 3
     exact = system.R @ inverse(system, pairs) @ system.R.T
     columns = G.transposed(np.arange(pairs.n_pairs)).T
-    own = split_evenly(pairs.n_pairs, comm.size)[comm.rank :][:2] * 3
-    np.testing.assert_allclose(columns, exact[slice(*own)], atol=1e-13 * abs(exact).max())
+    rows = split_evenly(pairs.n_pairs, comm.size)[comm.rank :][:2] * 3
+    np.testing.assert_allclose(columns, exact[slice(*rows)], atol=1e-13 * abs(exact).max())
 
 
-def test_many_forces_in_a_column_are_solved_for(joined, always):
+def test_columns_of_many_forces_are_solved(joined, requested):
     linearised, _ = joined
     right = sp.random(linearised.system.n_dof, 5, 0.5, format="csc", random_state=3)
     static_columns(linearised, linearised.system.R, right)
-    assert always == []
+    assert requested == []

@@ -1,4 +1,4 @@
-"""A signal that arrives while SLEPc is at work ends the program with its status: nothing that SLEPc works on is freed."""
+"""A signal during a search of SLEPc ends the program with its status, without freeing objects that SLEPc uses."""
 
 from pathlib import Path
 
@@ -45,7 +45,7 @@ MORE = (1, 0), (1, 7), (2, 7)  # ranks, number of the solve
     ("ranks", "number"),
     [pytest.param(2, 0, marks=pytest.mark.slow), *(pytest.param(*of, marks=pytest.mark.study) for of in MORE)],
 )
-def test_a_signal_in_a_solve(ranks, number):
-    done = python("-c", SCRIPT, Path(__file__).parents[1], number, ranks=ranks)
-    assert done.returncode == 5, done.stderr
-    assert done.stderr.count("microslip: error: stopped by SIGTERM") == 1 and "Traceback" not in done.stderr
+def test_a_signal_in_a_solve_ends_the_program_with_its_status(ranks, number):
+    process = python("-c", SCRIPT, Path(__file__).parents[1], number, ranks=ranks)
+    assert process.returncode == 5, process.stderr
+    assert process.stderr.count("microslip: error: stopped by SIGTERM") == 1 and "Traceback" not in process.stderr
