@@ -1,4 +1,4 @@
-"""The direct solver: the order of elimination, the bridge to MUMPS, and other packages that the options name."""
+"""The direct solver: the order of elimination, the bridge to MUMPS, and other packages by options."""
 
 import lattices
 import numpy as np
@@ -30,7 +30,7 @@ def matrix(A=K, empty=None):
 
 
 def fill(A, positions):
-    """Entries of the Cholesky factor of a pattern in an order, counted by elimination."""
+    """Return the number of entries of the Cholesky factor of a pattern in an order, by symbolic elimination."""
     order = np.argsort(positions)
     place = np.empty(len(order), dtype=int)
     place[order] = np.arange(len(order))
@@ -44,7 +44,7 @@ def fill(A, positions):
 
 @pytest.mark.parametrize("empty", [None, 0, 1])
 @pytest.mark.parametrize("last", [np.empty(0, dtype=int), JOINT], ids=["nothing", "joint"])
-def test_an_order_is_one_and_has_the_joint_last(last, empty):
+def test_an_order_is_a_permutation_with_the_joint_last(last, empty):
     solid = sp.kron(lattices.lattice_stiffness(SHAPE)[::3, ::3], np.ones((3, 3)), format="csr")
     order = elimination_order(matrix(solid, empty), last)
     positions = order.places
@@ -53,28 +53,28 @@ def test_an_order_is_one_and_has_the_joint_last(last, empty):
         return
     assert order.starts[0] == 1 and order.starts[-1] == N + 1 and len(order.starts) >= N // 3 + 1
     is_first = np.isin(np.arange(2, N + 1), order.starts)
-    assert np.array_equal(np.diff(positions)[~is_first], np.ones(np.count_nonzero(~is_first)))  # groups in one piece
+    assert np.array_equal(np.diff(positions)[~is_first], np.ones(np.count_nonzero(~is_first)))  # groups are contiguous
     assert np.array_equal(np.sort(positions), np.arange(1, N + 1))
     assert set(positions[last]) == set(range(N - len(last) + 1, N + 1))
     nodes = np.sort(positions.reshape(-1, 3), axis=1)
-    assert np.array_equal(nodes - nodes[:, :1], np.tile([0, 1, 2], (N // 3, 1)))  # what is coupled alike stays together
+    assert np.array_equal(nodes - nodes[:, :1], np.tile([0, 1, 2], (N // 3, 1)))  # rows with the same pattern are consecutive
 
 
 @pytest.mark.ranks(1)
-def test_the_order_fills_less_than_that_of_the_rows():
-    for last, share in ((np.empty(0, dtype=int), 0.75), (JOINT, 0.9)):
-        assert fill(K, elimination_order(matrix(), last).places) < share * fill(K, np.arange(1, N + 1))
+def test_the_order_reduces_the_fill():
+    for last, ratio in ((np.empty(0, dtype=int), 0.75), (JOINT, 0.9)):
+        assert fill(K, elimination_order(matrix(), last).places) < ratio * fill(K, np.arange(1, N + 1))
 
 
 @pytest.mark.ranks(1)
-def test_a_joint_larger_than_a_front_is_dissected_like_the_rest():
+def test_a_joint_larger_than_a_front_is_ordered_like_other_rows():
     many = np.arange(N // 2)
     of_many = elimination_order(matrix(), many)
     assert np.array_equal(of_many.places, elimination_order(matrix(), np.empty(0, dtype=int)).places)
 
 
 @pytest.mark.parametrize("A", [sp.identity(1), sp.identity(7), lattices.chain(2, True)], ids=["one", "diagonal", "two"])
-def test_patterns_with_little_or_nothing_to_order(A):
+def test_tiny_matrices_are_factored(A):
     A = sp.csr_matrix(A, dtype=float)
     A_distributed = matrix(A)
     factor = Factor(A_distributed, last=np.array([0]))
@@ -85,17 +85,17 @@ def test_patterns_with_little_or_nothing_to_order(A):
 
 
 @pytest.mark.ranks(1)
-def test_rows_with_the_pattern_of_the_row_before_are_one_group():
+def test_consecutive_rows_with_the_same_pattern_are_one_group():
     A = sp.csr_matrix(np.array([[1, 1, 0, 0], [1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 0, 1]], dtype=float))
     first, counts, columns = groups(matrix(A))
     assert (first.tolist(), counts.tolist(), columns.tolist()) == ([0, 2, 3], [2, 2, 2], [0, 1, 2, 3, 1, 3])
 
 
-@pytest.mark.parametrize("scale", [np.empty(0), 2.0 ** (np.arange(N) % 9)], ids=["as it is", "scaled"])
+@pytest.mark.parametrize("scale", [np.empty(0), 2.0 ** (np.arange(N) % 9)], ids=["unscaled", "scaled"])
 @pytest.mark.parametrize("sigma", [None, 0.3])
 @pytest.mark.parametrize("empty", [None, 0, 1])
-def test_the_upper_triangle_of_owned_rows(empty, sigma, scale):
-    """Each place once; M has entries where A has none, and the other way round."""
+def test_the_upper_triangle_of_owned_rows_is_exact(empty, sigma, scale):
+    """Each position occurs once; M has entries where A has none, and vice versa."""
     mass = sp.csr_matrix(sp.diags([0.01, 0.25, 0.01], [-1, 0, 1], shape=(N, N)))
     A = matrix(empty=empty)
     i, j, a = upper_triangle(A, None if sigma is None else matrix(mass, empty), sigma or 0.0, scale)
@@ -109,8 +109,8 @@ def test_the_upper_triangle_of_owned_rows(empty, sigma, scale):
 
 
 @pytest.mark.parametrize("empty", [None, 0, 1])
-def test_the_signs_of_pivots_count_the_modes_below(empty):
-    """With the order of the factor and without; M has entries where K has none, and the other way round."""
+def test_signs_of_pivots_count_the_modes_below_a_shift(empty):
+    """With and without the order of the factor; M has entries where K has none, and vice versa."""
     mass = sp.csr_matrix(sp.diags([0.01, 0.25, 0.01], [-1, 0, 1], shape=(N, N)))
     A, M = matrix(empty=empty), matrix(mass, empty=empty)
     L = np.linalg.inv(np.linalg.cholesky(mass.toarray()))
@@ -124,8 +124,8 @@ def test_the_signs_of_pivots_count_the_modes_below(empty):
     factor.destroy()
 
 
-def test_the_count_hears_nothing_of_the_units_of_rows():
-    """Rows from 1e-6 to 1e6 of what they were: signs of pivots stay, and none of them counts as null."""
+def test_the_count_does_not_depend_on_units_of_rows():
+    """Rows scaled by 1e-6 to 1e6 have the same signs of pivots, and no pivot counts as zero."""
     units = sp.diags(10.0 ** np.random.default_rng(0).integers(-6, 7, N))
     squares = np.linalg.eigvalsh(K.toarray())
     sigma = 0.5 * (squares[9] + squares[10])
@@ -134,15 +134,15 @@ def test_the_count_hears_nothing_of_the_units_of_rows():
     assert count_below(A, M, sigma) == 10
 
 
-def test_a_factor_tells_how_it_was_ordered():
+def test_a_factor_reports_its_order():
     A = matrix()
     factor = Factor(A, last=JOINT)
     assert factor.info["ordering"] == "METIS" and factor.info["package"] == "mumps"
     factor.destroy()
 
 
-def test_another_package_solves_as_well(monkeypatch):
-    """PETSc's own Cholesky on one rank; MUMPS' LU by way of PETSc on several."""
+def test_another_package_gives_the_same_solutions(monkeypatch):
+    """Cholesky of PETSc on one rank; LU of MUMPS by the interface of PETSc on several."""
     options = PETSc.Options()
     given = {"static_pc_factor_mat_solver_type": "petsc"} if comm.size == 1 else {"static_pc_type": "lu"}
     if comm.size > 1:
@@ -164,7 +164,7 @@ def test_another_package_solves_as_well(monkeypatch):
         options.delValue(name)
 
 
-def test_a_library_of_another_version_is_refused(monkeypatch):
+def test_another_version_of_mumps_is_refused(monkeypatch):
     monkeypatch.setattr(_mumps, "BUILT_FOR", "4.10.0")
     with pytest.raises(CaseError, match=r"built for MUMPS 4\.10\.0, and PETSc has .*install it again"):
         Factor(matrix())

@@ -1,4 +1,4 @@
-"""The factor of K_L: true residuals, springs, retries, and the part that moves freely where there is no factor."""
+"""The factor of K_L: residuals, springs, retries, and the name of a part that moves freely."""
 
 import lattices
 import numpy as np
@@ -55,25 +55,25 @@ def local_rows(A):
 
 
 @pytest.mark.parametrize("m", [0, 1, 3, 40])
-def test_solutions_and_their_residual(joined, m):
+def test_solutions_of_dense_and_sparse_forces_are_exact(joined, m):
     linearised, _ = joined
     K_L = lattices.lattice_stiffness(SHAPE)
     B = random_columns(K_L.shape[0], m)
     X_owned = linearised.factor.solve(owned(linearised.K_L, B))
     X_sparse_owned = linearised.factor.solve(sp.csc_matrix(B))
     X = np.linalg.solve(K_L.toarray(), B)
-    for each in (X_owned, X_sparse_owned):
-        np.testing.assert_allclose(each, owned(linearised.K_L, X), rtol=0, atol=1e-12 * np.abs(X).max(initial=1e-30))
+    for computed in (X_owned, X_sparse_owned):
+        np.testing.assert_allclose(computed, owned(linearised.K_L, X), rtol=0, atol=1e-12 * np.abs(X).max(initial=1e-30))
     assert linearised.factor.info["solves"] == 2 * m
 
 
-def test_joint_stiffness_runs_over_directions_first():
+def test_joint_stiffness_is_ordered_by_pair_and_direction():
     _, pairs = lattices.lattice(comm, SHAPE, k_t=2.0, k_n=5.0)
     assert joint_stiffness(pairs)[:6].tolist() == [2.0, 2.0, 5.0, 2.0, 2.0, 5.0]
 
 
 @pytest.mark.parametrize("stiffness", [1e20, 1e300])
-def test_springs_beside_which_the_structure_is_lost_in_rounding_are_refused(stiffness):
+def test_springs_whose_rounding_exceeds_the_structure_are_refused(stiffness):
     with pytest.raises(CaseError, match="joint 'cut': tangential_stiffness: pair 0 has a spring of .* lost in rounding"):
         linearise(*lattices.lattice(comm, SHAPE, k_t=stiffness))
 
@@ -99,15 +99,15 @@ def test_negative_and_infinite_input_is_refused():
     ],
 )
 @pytest.mark.parametrize("empty_rank", [None, 0])
-def test_a_body_that_its_joint_does_not_hold_is_named(springs, motions, empty_rank):
+def test_a_body_without_support_by_its_joint_is_named(springs, motions, empty_rank):
     system, pairs = lattices.lattice(comm, SHAPE, walls=False, empty_rank=empty_rank, **springs)
     with pytest.raises(CaseError, match=motions) as error:
         linearise(system, pairs)
     assert "body 'right'" in str(error.value) and "body 'left'" not in str(error.value)
 
 
-def test_bodies_that_move_together_are_named_together():
-    """Two joined halves without walls: three motions of both, not three of each."""
+def test_connected_bodies_are_named_together():
+    """Two joined halves without walls have three common motions."""
     system, _ = lattices.lattice(comm, SHAPE)
     K, n_end = lattices.lattice_stiffness(SHAPE).tolil(), 3 * SHAPE[1] * SHAPE[2]
     for row in [*range(n_end), *range(K.shape[0] - n_end, K.shape[0])]:
@@ -126,7 +126,7 @@ def test_a_singular_structure_names_the_scene_file():
         linearise(system, pairs, "fan.toml")
 
 
-def test_free_structures_without_a_mesh_and_with_one():
+def test_free_motions_are_named_with_and_without_a_mesh():
     points, K = lattices.truss()
     with pytest.raises(CaseError, match="the structure moves freely in 6 ways.*most at DOF"):
         Factor(spd(K))
@@ -145,7 +145,7 @@ def named(points):
     return System
 
 
-def test_indefinite_matrices_and_rows_without_stiffness():
+def test_indefinite_matrices_and_rows_without_stiffness_are_refused():
     _, K = lattices.truss()
     with pytest.raises(CaseError, match="not positive definite.*release energy"):
         Factor(spd(K - 1.0e4 * sp.identity(K.shape[0])))
@@ -157,7 +157,7 @@ def test_indefinite_matrices_and_rows_without_stiffness():
 
 
 def test_soft_springs_under_a_stiff_structure_are_not_singular():
-    """A truss held by springs 1e-6 as stiff as its bars: the solution is the rigid motion on the springs."""
+    """The solution of a truss on springs of 1e-6 of the stiffness of its bars is a rigid motion."""
     points, K = lattices.truss()
     soft = 10.0
     factor = Factor(spd(K + soft * sp.identity(K.shape[0])), named(points))
@@ -166,7 +166,7 @@ def test_soft_springs_under_a_stiff_structure_are_not_singular():
     factor.destroy()
 
 
-def test_a_wrong_solution_does_not_pass():
+def test_a_wrong_solution_is_detected():
     factor = Factor(spd(lattices.chain(60, True)))
     B_owned = owned(factor.A, random_columns(60, 20))
     X_owned = factor.solve(B_owned)
@@ -174,14 +174,14 @@ def test_a_wrong_solution_does_not_pass():
     wrong[:, 13] *= 1.01
     error, rounding = factor.relative_residual(B_owned, wrong)
     assert 0.003 < error < 0.03 and error > rounding
-    factor.A.scale(1.1)  # the factor is now that of another matrix
+    factor.A.scale(1.1)  # the factor no longer belongs to the matrix
     factor.A.shift(2.0)
     with pytest.raises(ConvergenceError, match="residual"):
         factor.solve(B_owned)
     factor.destroy()
 
 
-def test_too_little_workspace_is_asked_for_again(monkeypatch):
+def test_too_little_workspace_is_increased(monkeypatch):
     K = lattices.lattice_stiffness((14, 9, 8))
     codes = []
     report = mumps.report
@@ -198,7 +198,7 @@ def test_too_little_workspace_is_asked_for_again(monkeypatch):
     options.delValue("static_mat_mumps_icntl_14")
 
 
-def test_options_come_last():
+def test_options_override_defaults():
     options = PETSc.Options()
     options["static_mat_mumps_icntl_7"] = 0
     factor = Factor(spd(lattices.chain(60, True)))
@@ -211,7 +211,7 @@ def test_options_come_last():
     options.delValue("static_pc_type")
 
 
-def test_repeated_solves_leave_no_memory_behind():
+def test_repeated_solves_do_not_leak_memory():
     K = lattices.lattice_stiffness((6, 5, 5))
     factor = Factor(spd(K))
     B = sp.random(K.shape[0], 12, 0.01, format="csc", random_state=0)
@@ -223,8 +223,8 @@ def test_repeated_solves_leave_no_memory_behind():
             factor.solve(B)
         return resident_memory()
 
-    settled = repeat(20)
-    assert repeat(100) - settled < 3e6  # 200 solves; one block of solutions kept each time: 9 MB
+    initial = repeat(20)
+    assert repeat(100) - initial < 3e6  # 200 solves; a leak of a block of solutions each time would be 9 MB
     factor.destroy()
 
 

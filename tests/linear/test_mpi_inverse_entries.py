@@ -1,4 +1,4 @@
-"""Entries of the inverse of a factored matrix, and what is left of the factor's settings after them."""
+"""Entries of the inverse of a factored matrix, and solves after them."""
 
 import lattices
 import numpy as np
@@ -28,7 +28,7 @@ def factor(request):
 
 
 @pytest.mark.parametrize("rows, columns", [(SOME, SOME), (SOME, OTHERS), (OTHERS, SOME), (SOME[:3], SOME[5:]), (SOME, SOME[:1])])
-def test_entries(factor, rows, columns):
+def test_entries_equal_the_dense_inverse(factor, rows, columns):
     exact = np.linalg.inv(K.toarray())[np.ix_(rows, columns)]
     entries = factor.inverse_entries(rows, columns)
     if comm.rank == 0:
@@ -37,13 +37,13 @@ def test_entries(factor, rows, columns):
         assert entries.shape == (0, 0)
 
 
-def test_of_equal_entries_one_is_asked_for():
+def test_of_symmetric_entries_one_is_requested():
     assert np.count_nonzero(module._known_by_symmetry(SOME, SOME)) == 8 * 7 // 2
-    assert np.count_nonzero(module._known_by_symmetry(SOME, OTHERS)) == 3  # of 3, 17 and 51
+    assert np.count_nonzero(module._known_by_symmetry(SOME, OTHERS)) == 3  # pairs of 3, 17 and 51
 
 
-def test_solves_of_every_kind_go_on_as_before(factor):
-    """MUMPS is set to entries of the inverse and to a solution on one rank for a while."""
+def test_solves_of_every_kind_are_unaffected(factor):
+    """Entries of the inverse need other settings of MUMPS, and the solution on one rank."""
     owned = slice(*factor.A.getOwnershipRange())
     B = np.random.default_rng(1).standard_normal((K.shape[0], 3))
     X = np.linalg.solve(K.toarray(), B)
@@ -54,6 +54,6 @@ def test_solves_of_every_kind_go_on_as_before(factor):
         factor.inverse_entries(SOME, OTHERS)
 
 
-def test_none_where_mumps_refuses(factor, monkeypatch):
-    monkeypatch.setattr(module, "_SOLVE", 99)  # no job of MUMPS
+def test_entries_that_mumps_refuses_are_none(factor, monkeypatch):
+    monkeypatch.setattr(module, "_SOLVE", 99)  # an invalid job of MUMPS
     assert factor.inverse_entries(SOME, SOME) is None

@@ -1,4 +1,4 @@
-"""Computations in lockstep: one call answers the requests of all, and an error of one ends all."""
+"""Computations in lockstep: one call answers the requests of all, and an error ends all."""
 
 from functools import partial
 
@@ -30,7 +30,7 @@ END = "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [1400.
 
 
 class Squares:
-    """Squares of numbers, and how many were computed at once."""
+    """Squares of numbers; ``sizes`` lists how many each call computes."""
 
     def __init__(self):
         self.sizes = []
@@ -41,7 +41,7 @@ class Squares:
 
 
 def sum_of_squares(squares, n, order):
-    """Return the sum of the first n squares; say when each computation is at its end."""
+    """Return the sum of the first n squares; ``order`` records the end of each computation."""
     total = sum(at_once(squares, number) for number in range(n))
     after_others(lambda: order.append(-n))
     order.append(n)
@@ -53,21 +53,21 @@ def test_one_call_answers_the_requests_of_all():
     squares, order = Squares(), []
     assert in_lockstep([partial(sum_of_squares, squares, n, order) for n in (2, 4, 0, 3)]) == [1, 14, 0, 5]
     assert squares.sizes == [3, 3, 2, 1]
-    assert order == [0, -2, -3, -4, 2, 4, 0, 3]  # none before the last one has all of its squares
-    assert sum_of_squares(squares, 3, order) == 5 and squares.sizes[4:] == [1, 1, 1]  # by itself
+    assert order == [0, -2, -3, -4, 2, 4, 0, 3]  # after the last computation has all of its squares
+    assert sum_of_squares(squares, 3, order) == 5 and squares.sizes[4:] == [1, 1, 1]  # without others
     assert in_lockstep([]) == []
 
 
 @pytest.mark.ranks(1)
-def test_functions_are_called_one_after_the_other():
+def test_different_functions_are_called_separately():
     squares, others = Squares(), Squares()
-    assert in_lockstep([partial(at_once, each, n) for each, n in ((squares, 2), (others, 3), (squares, 4))]) == [4, 9, 16]
+    assert in_lockstep([partial(at_once, function, n) for function, n in ((squares, 2), (others, 3), (squares, 4))]) == [4, 9, 16]
     assert squares.sizes == [2] and others.sizes == [1]
 
 
 @pytest.mark.ranks(1)
 def test_cheap_requests_are_answered_first():
-    """The second computation has two cheap requests before the expensive one, which is computed with that of the first."""
+    """The expensive request of the second computation follows two cheap ones and is answered with that of the first."""
     cheap, expensive = Squares(), Squares()
 
     def computation(n_cheap):
@@ -79,7 +79,7 @@ def test_cheap_requests_are_answered_first():
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("where", ["answer", "computation"])
-def test_an_error_ends_all_where_they_wait(where):
+def test_an_error_ends_all_waiting_computations(where):
     ended, hub = [], getcurrent()
 
     def answers(requests):
@@ -103,82 +103,82 @@ def test_an_error_ends_all_where_they_wait(where):
 
 @pytest.fixture
 def disc(shared_path, monkeypatch):
-    """A disc of six sectors, whose modes are SLEPc's."""
+    """Return a disc of six sectors; SLEPc computes its modes."""
     monkeypatch.setattr(eigen, "_DENSE", 0)
     monkeypatch.setattr(eigen, "SHARE", 1)
     return assembled(read_scene(on_root(COMM, lambda: write_sector(shared_path, 6, END))), COMM, RunLog(COMM, screen=False))
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_modes_in_lockstep_are_those_of_one_diameter_at_a_time(disc, monkeypatch):
+def test_modes_in_lockstep_equal_those_of_separate_searches(disc, monkeypatch):
     log, passes = RunLog(COMM, screen=False), []
     one_pass = MumpsFactor.reduced
     monkeypatch.setattr(MumpsFactor, "reduced", lambda self, B: passes.append(B.shape[1]) or one_pass(self, B))
-    structures = _structures(disc, [1, 2, 3], log)  # the last one is real
+    structures = _structures(disc, [1, 2, 3], log)  # diameter 3 is real
     searches = [partial(lowest_modes, structure, 4) for structure in structures.values()]
-    alone, n_alone = [search() for search in searches], len(passes)
+    separate, n_separate = [search() for search in searches], len(passes)
     together = in_lockstep(searches)
-    assert len(passes) - n_alone < n_alone / 2
-    for one, other in zip(alone, together):
-        assert one.info["proof"].split(" below")[0] == other.info["proof"].split(" below")[0]
-        np.testing.assert_allclose(other.omega_n, one.omega_n, rtol=1e-10)
+    assert len(passes) - n_separate < n_separate / 2
+    for modes, other in zip(separate, together):
+        assert modes.info["proof"].split(" below")[0] == other.info["proof"].split(" below")[0]
+        np.testing.assert_allclose(other.omega_n, modes.omega_n, rtol=1e-10)
     for structure in structures.values():
         structure.destroy()
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_a_whole_disc_searches_all_diameters_in_lockstep_with_few_shifts_for_the_proofs(shared_path, monkeypatch):
+def test_a_whole_disc_searches_all_diameters_in_lockstep_with_few_shifts(shared_path, monkeypatch):
     monkeypatch.setattr(eigen, "_DENSE", 0)
     monkeypatch.setattr(eigen, "SHARE", 1)
     monkeypatch.setattr(choose_modes, "FEW", 0)
     monkeypatch.setattr(choose_modes, "_AT_ONCE", 0)
     together, shifts, solved, count = [], set(), SectorFactor.solved, SectorFactor.count_below
     counted = lambda self, requests: together.append(len(requests)) or solved(self, requests)  # noqa: E731
-    noted = lambda self, sigma, system: shifts.add(sigma) or count(self, sigma, system)  # noqa: E731
+    recorded = lambda self, sigma, system: shifts.add(sigma) or count(self, sigma, system)  # noqa: E731
     monkeypatch.setattr(SectorFactor, "solved", counted)
-    monkeypatch.setattr(SectorFactor, "count_below", noted)
+    monkeypatch.setattr(SectorFactor, "count_below", recorded)
     end = END.replace("modes = 4", "accuracy = 0.1")
     path = on_root(COMM, lambda: write_sector(shared_path, 6, end, wave={"engine_order": 1, "whole": True}))
-    whole = build(read_scene(path), COMM)
+    disc = build(read_scene(path), COMM)
     assert max(together) == 4 and len(shifts) < 3
-    for each in whole.tuned:
-        assert each.n_proved >= each.n_modes
-        np.testing.assert_allclose(each.omega_n, lowest_modes(each.linearised, each.n_modes).omega_n, rtol=1e-10)
-    whole.close()
+    for group in disc.tuned:
+        assert group.n_proved >= group.n_modes
+        np.testing.assert_allclose(group.omega_n, lowest_modes(group.linearised, group.n_modes).omega_n, rtol=1e-10)
+    disc.close()
 
 
 @pytest.mark.ranks(1, 2, 3)
 def test_a_step_has_two_products_with_M(disc, monkeypatch):
-    """Of the four of SLEPc and of the partners, two are with a multiple of the vector before; with one product for both diameters."""
+    """Of the four products of a step two need no multiplication, and both diameters share one product."""
     structures, steps, products = _structures(disc, [1, 2], RunLog(COMM, screen=False)), [], []
     one_pass, multiplied = MumpsFactor.reduced, shift_invert._ProductsAtOnce.__call__
     counted = lambda self, blocks: products.append(len(blocks)) or multiplied(self, blocks)  # noqa: E731
     monkeypatch.setattr(MumpsFactor, "reduced", lambda self, B: steps.append(B.shape[1]) or one_pass(self, B))
     monkeypatch.setattr(shift_invert._ProductsAtOnce, "__call__", counted)
-    few = in_lockstep([partial(lowest_modes, each, 12) for each in structures.values()])
+    fewer = in_lockstep([partial(lowest_modes, structure, 12) for structure in structures.values()])
     assert sum(products) < 2.1 * sum(steps) / 2 and len(products) < 0.6 * sum(products)
     monkeypatch.setattr(shift_invert, "_with_fewer_products", lambda M: M)
-    for one, structure in zip(few, structures.values()):
-        np.testing.assert_allclose(one.omega_n, lowest_modes(structure, 12).omega_n, rtol=1e-10)
+    for modes, structure in zip(fewer, structures.values()):
+        np.testing.assert_allclose(modes.omega_n, lowest_modes(structure, 12).omega_n, rtol=1e-10)
         structure.destroy()
 
 
 @pytest.mark.ranks(1, 2)
-def test_products_with_multiples_of_a_vector(disc, monkeypatch):
-    """Complex multiples, to rounding, need no product; a vector that differs by more is multiplied."""
+def test_products_with_multiples_of_a_vector_are_reused(disc, monkeypatch):
+    """A complex multiple of the last vector, to rounding, needs no product; another vector is multiplied."""
     structure, products = _structures(disc, [1], RunLog(COMM, screen=False))[1], []
     multiplied = shift_invert._ProductsAtOnce.__call__
     counted = lambda self, blocks: products.append(1) or multiplied(self, blocks)  # noqa: E731
     monkeypatch.setattr(shift_invert._ProductsAtOnce, "__call__", counted)
     M = structure.M
-    few, x, y = shift_invert._with_fewer_products(M), M.createVecRight(), M.createVecLeft()
+    M_reused, x, y = shift_invert._with_fewer_products(M), M.createVecRight(), M.createVecLeft()
     z = np.random.default_rng(COMM.rank).normal(size=(2, M.getLocalSize()[0] // 2, 1)).T.copy().view(complex)[0]
     for factor, change, n in ((1.0, 0.0, 1), (0.3 - 2.0j, 1e-15, 1), (1.0, 1e-9, 2), (0.0, 0.0, 2)):
         x.setArray(real_columns(factor * z + change * z[::-1])[:, 0])
-        few.mult(x, y)
+        M_reused.mult(x, y)
         np.testing.assert_allclose(y.getArray(), multiply(M, x.getArray()[:, None])[:, 0], rtol=1e-9, atol=1e-20)
         assert len(products) == n
-    free(few, x, y)
+    free(M_reused, x, y)
     structure.destroy()
 
 
@@ -196,7 +196,7 @@ def test_a_solve_that_fails_ends_all_searches(disc, monkeypatch):
         changed.setattr(MumpsFactor, "reduced", failing)
         next(modes_by_diameter(disc, None, 4, range(4), log))
     structure, n = _structures(disc, [1], log)[1], iter(range(1000))
-    with monkeypatch.context() as changed, pytest.raises(ResourceError, match="no memory"):  # one search by itself
+    with monkeypatch.context() as changed, pytest.raises(ResourceError, match="no memory"):  # a single search
         changed.setattr(MumpsFactor, "reduced", failing)
         lowest_modes(structure, 4)
     assert len(lowest_modes(structure, 4).omega_n) == 4
@@ -204,7 +204,7 @@ def test_a_solve_that_fails_ends_all_searches(disc, monkeypatch):
 
 
 @pytest.mark.ranks(1, 2)
-def test_the_memory_of_a_search_is_that_of_its_space_and_of_its_factor_on_the_face(disc):
+def test_the_memory_of_a_search_is_that_of_its_space_and_its_factor(disc):
     linearised = _structures(disc, [1], RunLog(COMM, screen=False))[1]
     n_dof, n_basis = linearised.maps.n_dof, lowest_modes(linearised, 4).info["basis"]
     n_face = linearised.factor.info["face"]

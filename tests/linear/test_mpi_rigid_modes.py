@@ -1,4 +1,4 @@
-"""Static solutions and modes of a structure without supports: inertia relief against dense projections."""
+"""Static solutions and modes of a structure without supports against dense inertia relief."""
 
 from types import SimpleNamespace
 
@@ -19,7 +19,7 @@ comm = MPI.COMM_WORLD
 
 
 class Free:
-    """A truss without supports, its six rigid-body modes and the dense pseudo-inverse of its stiffness on their complement."""
+    """A truss without supports, its six rigid-body motions and the dense pseudo-inverse of its stiffness."""
 
     def __init__(self, shape=(3, 2, 2), stress=0.0, empty_rank=None, knows_motions=True):
         points, K = truss(*shape)
@@ -27,9 +27,9 @@ class Free:
         mass = np.repeat(rng.uniform(0.5, 2.0, n // 3), 3)
         self.n, self.K, self.mass = n, K.toarray(), mass
         arms = points - points.mean(axis=0)
-        moves = [np.tile(axis, (len(points), 1)) for axis in np.eye(3)]
-        self.motions = np.array([field.ravel() for field in (*moves, *(np.cross(axis, arms) for axis in np.eye(3)))]).T
-        if stress:  # as dead contact forces leave it: K r is not zero for rotations
+        translations = [np.tile(axis, (len(points), 1)) for axis in np.eye(3)]
+        self.motions = np.array([field.ravel() for field in (*translations, *(np.cross(axis, arms) for axis in np.eye(3)))]).T
+        if stress:  # as with constant contact forces: K r is not zero for rotations
             change = rng.standard_normal((n, n))
             self.K = self.K + stress * np.abs(np.diag(self.K)).mean() / n * (change + change.T)
         gram = self.motions.T @ (mass[:, None] * self.motions)
@@ -48,7 +48,7 @@ class Free:
     def inverse(self) -> np.ndarray:
         """K_L^+ of eq. (4.8), dense."""
         K = self.P.T @ self.K @ self.P
-        Q = scipy.linalg.qr(self.mass[:, None] * self.motions)[0][:, 6:]  # motions with phi_r^T M x = 0
+        Q = scipy.linalg.qr(self.mass[:, None] * self.motions)[0][:, 6:]  # basis of motions with phi_r^T M x = 0
         return Q @ np.linalg.solve(Q.T @ K @ Q, Q.T) @ self.P.T
 
     def destroy(self) -> None:
@@ -59,10 +59,10 @@ class Free:
 
 @pytest.mark.parametrize("empty_rank", [None, 0])
 @pytest.mark.parametrize("stress, knows_motions", [(0.0, True), (0.0, False), (1e-7, True)])
-def test_solutions_are_those_of_inertia_relief(empty_rank, stress, knows_motions):
+def test_solutions_equal_inertia_relief(empty_rank, stress, knows_motions):
     free = Free(stress=stress, empty_rank=empty_rank, knows_motions=knows_motions)
     forces = np.random.default_rng(1).standard_normal((free.n, 5))
-    forces[:, 1] = free.motions[:, 4] * free.mass  # an acceleration alone moves nothing elastically
+    forces[:, 1] = free.motions[:, 4] * free.mass  # a rigid acceleration has no elastic motion
     forces[:, 2] = free.P.T @ forces[:, 2]
     assert free.factor.n_rigid == 6
     exact = free.inverse @ forces
@@ -73,7 +73,7 @@ def test_solutions_are_those_of_inertia_relief(empty_rank, stress, knows_motions
     free.destroy()
 
 
-def test_entries_of_the_inverse_are_those_of_solutions():
+def test_entries_of_the_inverse_equal_inertia_relief():
     free = Free(stress=1e-7)
     rows, columns = np.array([0, 3, 7, 20]), np.array([1, 3, 16])
     entries = free.factor.inverse_entries(rows, columns)
@@ -86,22 +86,22 @@ def test_entries_of_the_inverse_are_those_of_solutions():
 
 @pytest.mark.parametrize("shape, n_modes", [((3, 2, 2), 5), ((12, 4, 4), 8)])
 @pytest.mark.parametrize("stress", [0.0, 1e-9])
-def test_modes_are_the_elastic_ones(shape, n_modes, stress):
-    """By LAPACK and by SLEPc, proved complete though six eigenvalues lie below them."""
+def test_only_elastic_modes_are_computed(shape, n_modes, stress):
+    """LAPACK and SLEPc compute them; the proof of completeness accounts for six lower eigenvalues."""
     free = Free(shape, stress=stress)
     linearised = Linearised(free.system, free.A, free.M, free.factor)
     modes = lowest_modes(linearised, n_modes)
     values, phi = scipy.linalg.eigh(free.P.T @ free.K @ free.P, np.diag(free.mass))
     np.testing.assert_allclose(modes.omega_n, np.sqrt(values[6 : 6 + n_modes]), rtol=1e-8)
-    moved = comm.allreduce((free.mass[free.owned, None] * free.motions[free.owned]).T @ modes.phi_owned)
-    assert np.abs(moved).max() < 1e-9 * np.sqrt(free.mass.sum())
+    rigid_part = comm.allreduce((free.mass[free.owned, None] * free.motions[free.owned]).T @ modes.phi_owned)
+    assert np.abs(rigid_part).max() < 1e-9 * np.sqrt(free.mass.sum())
     free.destroy()
 
 
-def test_motions_that_something_holds_are_no_rigid_modes():
+def test_supported_motions_are_no_rigid_modes():
     points, K = truss()
     K = K.tolil()
-    K[0, 0] += 1e6  # a spring to ground along x: five free motions are left, and the factor shows none but these
+    K[0, 0] += 1e6  # a spring to ground along x leaves five free motions
     ranges = split_rows(K.shape[0], comm.size)
     A, M = distributed(comm, K.tocsr(), ranges), distributed(comm, sp.identity(K.shape[0]).tocsr(), ranges)
     A.setOption(PETSc.Mat.Option.SPD, True)

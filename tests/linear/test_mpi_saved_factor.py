@@ -1,4 +1,4 @@
-"""A factor saved by MUMPS and restored: the same answers and report, and a new one where what was kept is not of the matrix."""
+"""A factor saved by MUMPS and restored: same solutions and report; a new factor if the files do not fit the matrix."""
 
 import lattices
 import numpy as np
@@ -19,8 +19,8 @@ comm = MPI.COMM_WORLD
 K = lattices.lattice_stiffness((8, 5, 4))
 
 
-class Kept:
-    """What is in a folder, as a factor that an earlier run has kept."""
+class SavedFactor:
+    """The cache of a factor in a folder."""
 
     def __init__(self, folder):
         self.folder, self.messages = str(folder), ()
@@ -47,24 +47,24 @@ def spd(K, ranges):
 
 @pytest.fixture
 def factorised(monkeypatch):
-    """The matrices that were factored."""
-    values = []
+    """Return the list of factored matrices."""
+    matrices = []
     factorise = factors.factorise
-    monkeypatch.setattr(factors, "factorise", lambda A, *rest, **keys: (values.append(A), factorise(A, *rest, **keys))[1])
-    return values
+    monkeypatch.setattr(factors, "factorise", lambda A, *rest, **keys: (matrices.append(A), factorise(A, *rest, **keys))[1])
+    return matrices
 
 
 def save(A, folder):
-    """Save A's factor; return its answers and its report."""
+    """Save the factor of A; return its solutions and its report."""
     factor = Factor(A, last=np.arange(0, 60, 3))
-    answer, info = answers(factor), dict(factor.info)
+    expected, info = solutions(factor), dict(factor.info)
     factor.solver.save(str(folder))
     factor.destroy()
-    return answer, info
+    return expected, info
 
 
-def answers(factor):
-    """Return the answers of a factor to dense and sparse forces, and entries of the inverse."""
+def solutions(factor):
+    """Return solutions for dense and sparse forces, and entries of the inverse."""
     first, last = factor.A.getOwnershipRange()
     B = np.random.default_rng(3).standard_normal((K.shape[0], 5))
     rows = np.arange(0, 60, 3)
@@ -73,57 +73,57 @@ def answers(factor):
 
 
 def assert_close(computed, expected):
-    for one, other in zip(computed, expected, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX))
+    for a, other in zip(computed, expected, strict=True):
+        np.testing.assert_allclose(a, other, rtol=0, atol=1e-12 * comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX))
 
 
-def test_a_restored_factor_answers_and_reports_as_the_one_that_was_saved(A, shared_path, factorised):
-    answer, info = save(A, shared_path)
-    again = Factor(A, cache=Kept(shared_path))
-    assert len(factorised) == 1 and again.solver.order is None
-    assert (again.info["solves"], again.info["refined"], again.info["residual"]) == (0, 0, 0.0)
-    assert_close(answers(again), answer)
-    assert again.info["residual"] < 1e-12
+def test_a_restored_factor_has_the_solutions_and_the_report_of_the_saved_one(A, shared_path, factorised):
+    expected, info = save(A, shared_path)
+    restored = Factor(A, cache=SavedFactor(shared_path))
+    assert len(factorised) == 1 and restored.solver.order is None
+    assert (restored.info["solves"], restored.info["refined"], restored.info["residual"]) == (0, 0, 0.0)
+    assert_close(solutions(restored), expected)
+    assert restored.info["residual"] < 1e-12
     of_run = {"seconds": 0.0, "solve_seconds": 0.0, "residual": 0.0}
-    assert again.info | of_run == info | of_run
-    again.destroy()
+    assert restored.info | of_run == info | of_run
+    restored.destroy()
 
 
-def test_restored_twice_at_a_time(A, shared_path):
-    answer, _ = save(A, shared_path)
-    one, two = Factor(A, cache=Kept(shared_path)), Factor(A, cache=Kept(shared_path))
-    assert_close(answers(one), answer)
-    one.destroy()
-    assert_close(answers(two), answer)
-    two.destroy()
+def test_a_factor_can_be_restored_twice(A, shared_path):
+    expected, _ = save(A, shared_path)
+    first, second = Factor(A, cache=SavedFactor(shared_path)), Factor(A, cache=SavedFactor(shared_path))
+    assert_close(solutions(first), expected)
+    first.destroy()
+    assert_close(solutions(second), expected)
+    second.destroy()
 
 
-def test_the_factor_of_another_matrix_is_not_taken(A, shared_path, factorised):
+def test_the_factor_of_another_matrix_is_not_used(A, shared_path, factorised):
     stiffer = spd(1.5 * K, np.array(A.getOwnershipRanges()))
     save(stiffer, shared_path)
     stiffer.destroy()
-    kept = Kept(shared_path)
-    factor = Factor(A, cache=kept)
-    assert len(factorised) == 2 and factor.info["messages"] == kept.messages == ("it is not that of K_L",)
-    X_owned = answers(factor)[0]
+    cache = SavedFactor(shared_path)
+    factor = Factor(A, cache=cache)
+    assert len(factorised) == 2 and factor.info["messages"] == cache.messages == ("it is not that of K_L",)
+    X_owned = solutions(factor)[0]
     B = np.random.default_rng(3).standard_normal((K.shape[0], 5))
     X = spsolve(K.tocsc(), B)
     np.testing.assert_allclose(X_owned, X[slice(*A.getOwnershipRange())], rtol=0, atol=1e-10 * np.abs(X).max())
     factor.destroy()
 
 
-def test_files_that_are_gone_are_not_taken(A, shared_path, factorised):
+def test_an_incomplete_factor_is_not_used(A, shared_path, factorised):
     save(A, shared_path)
     on_root(comm, lambda: (shared_path / mumps.saved_file(comm.size - 1)).unlink())
     assert mumps.restored(A, "static_", str(shared_path)) is None
-    factor = Factor(A, cache=Kept(shared_path))
+    factor = Factor(A, cache=SavedFactor(shared_path))
     assert len(factorised) == 2
     factor.destroy()
 
 
 @pytest.mark.ranks(2, 3)
-def test_files_of_two_factors_are_not_taken_together(A, shared_path):
-    """Another run may have put its own in the place of those that were summed."""
+def test_files_of_two_factors_are_not_combined(A, shared_path):
+    """Another run may replace some of the files."""
     folders = shared_path / "one", shared_path / "two"
     for folder in folders:
         on_root(comm, folder.mkdir)
@@ -133,10 +133,10 @@ def test_files_of_two_factors_are_not_taken_together(A, shared_path):
 
 
 @pytest.mark.parametrize("name", ["nowhere", "long" * 100])
-def test_a_place_that_MUMPS_cannot_write_to_is_said_and_the_factor_serves_on(name, A, shared_path):
+def test_a_path_that_mumps_cannot_write_is_an_error_and_the_factor_remains_usable(name, A, shared_path):
     factor = Factor(A, last=np.arange(0, 60, 3))
-    before = answers(factor)
+    before = solutions(factor)
     with pytest.raises(ResourceError, match=f"{name[:4]}.*(INFOG|MUMPS takes 255)"):
         factor.solver.save(str(shared_path / name))
-    assert_close(answers(factor), before)
+    assert_close(solutions(factor), before)
     factor.destroy()

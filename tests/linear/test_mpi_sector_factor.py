@@ -1,4 +1,4 @@
-"""One factor of a sector for all nodal diameters, beside dense algebra with the matrix of each."""
+"""One factor of a sector for all nodal diameters against dense algebra with the matrix of each diameter."""
 
 from dataclasses import replace
 
@@ -23,11 +23,11 @@ END = "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [1400.
 
 
 @pytest.mark.parametrize("how", [{}, {"shroud": True}, {"span": 12}, {"shroud": True, "span": 16}])
-def test_solves_entries_and_counts_are_those_of_the_matrix(shared_path, how):
+def test_solves_entries_and_counts_equal_dense_algebra(shared_path, how):
     log = RunLog(COMM, screen=False)
     parts = assembled(read_scene(on_root(COMM, lambda: write_sector(shared_path, N, END, how=how))), COMM, log)
     sectors = parts.rest.system.sectors
-    for d, explicit in ((0, True), (0, False), (1, True), (2, True)):  # with entries where real
+    for d, explicit in ((0, True), (0, False), (1, True), (2, True)):  # real matrices also with explicit entries
         system = sectors.system(d, explicit)
         linearised = factor_of(replace(parts, rest=replace(parts.rest, system=system)), log)
         K, M = (on_root(COMM, lambda A: A, gathered(A)) for A in (linearised.K_L, linearised.M))
@@ -47,10 +47,13 @@ def test_solves_entries_and_counts_are_those_of_the_matrix(shared_path, how):
             sigma = 0.5 * (omega2[n * copies] + (omega2[n * copies - 1] if n else 0.0))
             assert linearised.factor.solver.count_below(sigma) == n
         rows = np.unique(linearised.system.R.indices)
-        entries, is_there = linearised.factor.inverse_entries(rows, rows[::3]), "span" in how  # else too many rows of the joint
+        entries, is_there = (
+            linearised.factor.inverse_entries(rows, rows[::3]),
+            "span" in how,
+        )  # otherwise the joint has too many rows
         assert (entries is not None) is is_there
         R, some = linearised.system.R.tocsr(), sp.random(7, len(rows), 0.5, format="csr", random_state=d)
-        others = (some @ sp.identity(len(K), format="csr")[rows]).tocsr()  # no complex map in real form
+        others = (some @ sp.identity(len(K), format="csr")[rows]).tocsr()  # not the real form of a complex map
         inverse = np.linalg.inv(K)
         if COMM.rank == 0 and is_there:
             exact = inverse[np.ix_(rows, rows[::3])]
@@ -66,7 +69,7 @@ def test_solves_entries_and_counts_are_those_of_the_matrix(shared_path, how):
     sectors.destroy()
 
 
-def test_negative_eigenvalues_are_counted_by_pivots():
+def test_pivots_count_negative_eigenvalues():
     rng = np.random.default_rng(1)
     A = rng.standard_normal((40, 40)) + 1j * rng.standard_normal((40, 40))
     for S in (A + A.conj().T, (A + A.conj().T).real):
@@ -75,7 +78,7 @@ def test_negative_eigenvalues_are_counted_by_pivots():
 
 
 @pytest.mark.parametrize("kind", [float, complex])
-def test_solves_with_packed_factors_are_those_of_the_matrix(kind):
+def test_packed_factors_solve_exactly(kind):
     rng = np.random.default_rng(1)
     for n in (1, 40, 41):
         A = rng.standard_normal((n, n)) + (1j * rng.standard_normal((n, n)) if kind is complex else 0.0)
@@ -85,6 +88,6 @@ def test_solves_with_packed_factors_are_those_of_the_matrix(kind):
         np.testing.assert_allclose(S @ packed_solve(L, B), B, atol=1e-12)
         np.testing.assert_allclose(packed_gram(L, B), B.conj().T @ packed_solve(L, B), atol=1e-14)
         assert packed_cholesky(np.asfortranarray(-S)) is None
-    nothing = np.zeros((0, 0), dtype=kind)
-    assert packed_solve(packed_cholesky(nothing), np.zeros((0, 2), dtype=kind)).shape == (0, 2)
-    assert not packed_gram(packed_cholesky(nothing), np.zeros((0, 2), dtype=kind)).any()
+    empty = np.zeros((0, 0), dtype=kind)
+    assert packed_solve(packed_cholesky(empty), np.zeros((0, 2), dtype=kind)).shape == (0, 2)
+    assert not packed_gram(packed_cholesky(empty), np.zeros((0, 2), dtype=kind)).any()

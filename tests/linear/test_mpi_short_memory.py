@@ -1,4 +1,4 @@
-"""A factor for which memory is short: foreseen, written to disk, tried again, and refused on all ranks alike."""
+"""A factor with insufficient memory: forecast, factor on disk, retries, and the same error on all ranks."""
 
 from pathlib import Path
 
@@ -30,8 +30,8 @@ def A():
     matrix.destroy()
 
 
-def has(monkeypatch, left):
-    monkeypatch.setattr(memory, "limits_here", lambda machine, process, resident: [Limit("the test", process, left)])
+def limit_memory(monkeypatch, free):
+    monkeypatch.setattr(memory, "limits_here", lambda machine, process, resident: [Limit("the test", process, free)])
 
 
 def solves(factor):
@@ -49,7 +49,7 @@ def foreseen(A):
     return memory
 
 
-def test_the_analysis_foresees_what_is_used_and_is_not_repeated(A, monkeypatch):
+def test_the_analysis_predicts_the_memory_of_the_factor(A, monkeypatch):
     forecast = foreseen(A)
     factor = Factor(A)
     assert comm.allreduce(forecast.in_core) == pytest.approx(1e6 * factor.info["memory_MB"], rel=0.3)
@@ -59,11 +59,11 @@ def test_the_analysis_foresees_what_is_used_and_is_not_repeated(A, monkeypatch):
     factor.destroy()
 
 
-def test_what_does_not_fit_is_kept_on_disk_and_solves_as_well(A, monkeypatch, tmp_path):
+def test_a_factor_that_does_not_fit_is_stored_on_disk(A, monkeypatch, tmp_path):
     forecast, folder = foreseen(A), comm.bcast(str(tmp_path))
     monkeypatch.setenv(out_of_core.VARIABLE, folder)
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: True)
-    has(monkeypatch, 0.5 * (forecast.in_core + forecast.out_of_core))
+    limit_memory(monkeypatch, 0.5 * (forecast.in_core + forecast.out_of_core))
     factor = Factor(A)
     assert factor.info["out_of_core"] and "does not fit into memory (one rank needs" in factor.info["messages"][0]
     assert list(Path(folder).rglob("mumps_*"))
@@ -73,7 +73,7 @@ def test_what_does_not_fit_is_kept_on_disk_and_solves_as_well(A, monkeypatch, tm
     assert not list(Path(folder).rglob("mumps_*"))
 
 
-def test_entries_of_the_inverse_from_a_factor_on_disk(A, options):
+def test_entries_of_the_inverse_from_a_factor_on_disk_are_exact(A, options):
     options(static_mat_mumps_icntl_22=1)
     factor = Factor(A)
     rows, columns = np.array([0, 5, 9]), np.array([0, 7])
@@ -85,34 +85,34 @@ def test_entries_of_the_inverse_from_a_factor_on_disk(A, options):
 
 
 @pytest.mark.parametrize("why", ["memory", "disk"])
-def test_no_room_in_memory_nor_on_disk_is_refused_before_it_is_taken(A, monkeypatch, why):
+def test_insufficient_memory_and_disk_are_an_error_before_the_factorisation(A, monkeypatch, why):
     forecast = foreseen(A)
-    has(monkeypatch, 1.0 if why == "memory" else 0.5 * (forecast.in_core + forecast.out_of_core))
+    limit_memory(monkeypatch, 1.0 if why == "memory" else 0.5 * (forecast.in_core + forecast.out_of_core))
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: why == "memory")
-    says = (
+    message = (
         "on disk it would still be so"
         if why == "memory"
         else r"nor is there room for .* \(\$MUMPS_OOC_TMPDIR names another folder\)"
     )
-    with pytest.raises(ResourceError, match=f"K_L: not enough memory for its factor.*{says}.*use more ranks on more machines"):
+    with pytest.raises(ResourceError, match=f"K_L: not enough memory for its factor.*{message}.*use more ranks on more machines"):
         Factor(A)
 
 
-def test_what_comes_later_sends_a_factor_to_disk(A, monkeypatch, tmp_path):
-    """A factor that fits by itself, but not with what is taken beside it: its place is chosen with both in mind."""
+def test_memory_of_later_stages_moves_a_factor_to_disk(A, monkeypatch, tmp_path):
+    """The factor fits into memory, but not together with later stages."""
     forecast = foreseen(A)
     monkeypatch.setenv(out_of_core.VARIABLE, comm.bcast(str(tmp_path)))
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: True)
-    has(monkeypatch, 1.5 * forecast.in_core)
+    limit_memory(monkeypatch, 1.5 * forecast.in_core)
     factor = Factor(A, later=lambda memory: memory.in_core)
     assert factor.info["out_of_core"] and solves(factor)
     assert "does not fit into memory with what comes later (" in factor.info["messages"][0]
     factor.destroy()
 
 
-def test_a_factor_stays_in_memory_where_no_disk_has_room_for_what_comes_later(A, monkeypatch):
+def test_without_disk_a_factor_is_in_memory_in_spite_of_later_stages(A, monkeypatch):
     forecast = foreseen(A)
-    has(monkeypatch, 1.5 * forecast.in_core)
+    limit_memory(monkeypatch, 1.5 * forecast.in_core)
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: False)
     factor = Factor(A, later=lambda memory: memory.in_core)
     assert not factor.info["out_of_core"] and factor.info["messages"] == () and solves(factor)
@@ -124,8 +124,8 @@ def test_a_file_system_in_memory_is_no_disk(monkeypatch):
     assert not out_of_core._is_on_disk("/tmp") and out_of_core._is_on_disk("/") and not out_of_core._is_on_disk("/nowhere")
 
 
-def test_too_little_workspace_asked_for_by_an_option_is_raised(A, options):
-    """ICNTL(14) far below MUMPS' own: INFOG(1) = -8 or -9, then more of it, whatever the option says."""
+def test_too_little_workspace_by_an_option_is_increased(A, options):
+    """ICNTL(14) far below the need gives INFOG(1) = -8 or -9, and a second attempt with more workspace than the option."""
     options(static_mat_mumps_icntl_14=-60)
     factor = Factor(A)
     assert len(factor.info["messages"]) == 1
@@ -134,7 +134,7 @@ def test_too_little_workspace_asked_for_by_an_option_is_raised(A, options):
     factor.destroy()
 
 
-def test_a_limit_that_an_option_sets_is_named(A, options):
+def test_a_memory_limit_by_an_option_is_named(A, options):
     options(static_mat_mumps_icntl_23=1)
     with pytest.raises(
         ResourceError, match=r"INFOG\(1\) = -(9|19).*use more ranks" if comm.size > 1 else "-static_mat_mumps_icntl_23"
@@ -143,7 +143,7 @@ def test_a_limit_that_an_option_sets_is_named(A, options):
 
 
 def reported(monkeypatch, *codes):
-    """Let MUMPS report failures: INFOG(1) of its attempts, one after the other, the last one for all that follow."""
+    """Let MUMPS report these INFOG(1) of successive attempts; the last code applies to all further attempts."""
     report, attempts = mumps.report, []
 
     def failing(factor):
@@ -164,7 +164,7 @@ def test_a_failed_allocation_moves_the_factor_to_disk(A, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "code, n_attempts, error, says",
+    "code, n_attempts, error, message",
     [
         (-8, 4, ResourceError, "not enough memory"),
         (-9, 4, ResourceError, "not enough memory"),
@@ -178,25 +178,25 @@ def test_a_failed_allocation_moves_the_factor_to_disk(A, monkeypatch):
         (-53, 1, CaseError, "check the -static_mat_mumps options"),
     ],
 )
-def test_retries_end_and_all_ranks_hear_the_same(A, monkeypatch, code, n_attempts, error, says):
+def test_retries_end_with_the_same_message_on_all_ranks(A, monkeypatch, code, n_attempts, error, message):
     attempts = reported(monkeypatch, code)
     with pytest.raises(error, match=f"INFOG\\(1\\) = {code}") as caught:
         Factor(A)
     assert len(attempts) == n_attempts
-    with pytest.raises(error, match=says):
+    with pytest.raises(error, match=message):
         raise caught.value
     assert len(set(comm.allgather(str(caught.value)))) == 1
 
 
-def test_a_solve_that_runs_out_of_memory_has_its_status(A, monkeypatch):
+def test_a_solve_without_memory_is_a_resource_error(A, monkeypatch):
     factor = Factor(A)
-    whole = factor.solver.mumps
+    mumps_of_factor = factor.solver.mumps
 
     class Full:
-        """MUMPS with no memory left for right-hand sides."""
+        """MUMPS without memory for right-hand sides."""
 
         def __getattr__(self, name):
-            return getattr(whole, name)
+            return getattr(mumps_of_factor, name)
 
         def run(self, job):
             return -13
@@ -211,5 +211,5 @@ def test_a_solve_that_runs_out_of_memory_has_its_status(A, monkeypatch):
     factor.destroy()
 
 
-def test_counts_beyond_32_bits_come_in_millions():
+def test_negative_counts_of_mumps_are_millions():
     assert count(12) == 12 and count(-12) == 12_000_000

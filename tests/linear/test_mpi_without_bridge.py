@@ -1,4 +1,4 @@
-"""Without the bridge to MUMPS: factors, counts of modes and a whole run by way of PETSc, and what then is not to be had."""
+"""Without the bridge to MUMPS: factors, counts of modes and a run by the interface of PETSc, and unavailable functions."""
 
 import sys
 
@@ -43,7 +43,7 @@ def by_petsc(monkeypatch):
 
 
 @pytest.mark.parametrize("empty", [None, 0, 1])
-def test_solves_and_what_is_not_to_be_had(by_petsc, empty):
+def test_solves_are_exact_and_entries_of_the_inverse_unavailable(by_petsc, empty):
     A = matrix(empty=empty)
     factor = Factor(A, last=np.arange(9))
     assert isinstance(factor.solver, other_package.PackageFactor) and factor.info["package"] == "mumps"
@@ -55,8 +55,8 @@ def test_solves_and_what_is_not_to_be_had(by_petsc, empty):
     factor.destroy()
 
 
-def test_signs_of_pivots_count_modes(by_petsc):
-    """Of rows with units from 1e-6 to 1e6, too; where sigma is an eigenvalue they prove nothing."""
+def test_signs_of_pivots_count_modes_below_a_shift(by_petsc):
+    """Units of rows from 1e-6 to 1e6 do not matter; sigma at an eigenvalue is an error."""
     squares = np.linalg.eigvalsh(K.toarray())
     sigma = 0.5 * (squares[9] + squares[10])
     units = sp.diags(10.0 ** np.random.default_rng(0).integers(-6, 7, N))
@@ -71,21 +71,21 @@ def test_an_indefinite_matrix_has_no_factor(by_petsc):
         Factor(matrix(K - 1.001 * np.linalg.eigvalsh(K.toarray())[3] * sp.identity(N)))
 
 
-def test_too_little_workspace_is_asked_for_again(by_petsc, monkeypatch):
+def test_too_little_workspace_is_increased(by_petsc, monkeypatch):
     large, controls = lattices.lattice_stiffness((14, 9, 8)), other_package.CONTROLS
     monkeypatch.setattr(other_package, "CONTROLS", (*controls, (14, -70)))
     factor = Factor(matrix(large))
-    (said,) = factor.info["messages"]
-    assert "INFOG(1) = -9" in said or "INFOG(1) = -8" in said
-    assert "again with 60 % of workspace" in said
+    (message,) = factor.info["messages"]
+    assert "INFOG(1) = -9" in message or "INFOG(1) = -8" in message
+    assert "again with 60 % of workspace" in message
     factor.destroy()
     monkeypatch.setattr(other_package, "RELAXATION", (-70,))
     with pytest.raises(ResourceError, match="not enough memory for its factor"):
         Factor(matrix(large))
 
 
-def test_memory_is_foreseen(by_petsc, monkeypatch):
-    """As by the bridge, whose order is another; where it lacks, nothing is factored."""
+def test_memory_is_predicted(by_petsc, monkeypatch):
+    """The prediction is close to that of the bridge, which has another order; without memory nothing is factored."""
     A = matrix(lattices.lattice_stiffness((30, 12, 10)))
     needed, factor = other_package.foreseen(A, "static_"), Factor(A)
     info = factor.info
@@ -103,8 +103,8 @@ def test_memory_is_foreseen(by_petsc, monkeypatch):
     factor.destroy()
 
 
-def test_an_order_by_metis_is_asked_of_mumps(by_petsc, options):
-    """MUMPS takes another where it was built without METIS; an order that the user names goes first."""
+def test_mumps_is_set_to_order_by_metis(by_petsc, options):
+    """MUMPS built without METIS uses another order; an order by an option has priority."""
     A = matrix()
     with_metis, _ = other_package.factorise(A, "static_", "A", None)
     assert with_metis.ksp.getPC().getFactorMatrix().getMumpsIcntl(7) == 5
@@ -121,7 +121,7 @@ def test_a_factor_on_disk_is_refused(by_petsc, options):
         Factor(matrix())
 
 
-def test_a_bridge_that_was_not_built(monkeypatch):
+def test_a_missing_bridge_is_reported(monkeypatch):
     monkeypatch.delenv(bridge.VARIABLE, raising=False)
     assert bridge.is_there(comm)
     monkeypatch.setitem(sys.modules, "microslip.linear._mumps", None)
@@ -134,7 +134,7 @@ def test_a_bridge_that_was_not_built(monkeypatch):
         bridge.is_there(comm)
 
 
-def test_one_rank_without_the_bridge_is_enough(monkeypatch):
+def test_no_rank_uses_the_bridge_if_one_has_none(monkeypatch):
     if comm.rank == comm.size - 1:
         monkeypatch.setenv(bridge.VARIABLE, "petsc")
     factor = Factor(matrix())
@@ -150,8 +150,8 @@ def test_a_number_beyond_32_bits_is_refused():
 
 
 @pytest.mark.slow
-def test_a_run_gives_the_same_curve_and_modes(shared_path, monkeypatch):
-    """With the module not there at all: no factor goes into the cache, and one that is there is left alone."""
+def test_a_run_without_the_bridge_gives_the_same_curve_and_modes(shared_path, monkeypatch):
+    """Without the module no factor is cached, and a cached factor is not used."""
     path = on_root(comm, lambda: write_bar(shared_path, divisions=(8, 3, 2), modes=6))
     scene = read_scene(path, ("response.span=[0.98, 1.02]", "response.points=5", "solver.harmonics=1", "solver.samples=32"))
     monkeypatch.setattr("microslip.results.plots.draw_all", lambda *files: [])

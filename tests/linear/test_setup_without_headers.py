@@ -1,4 +1,4 @@
-"""setup.py: the bridge to MUMPS is built where MUMPS' headers are, and left out where they are not."""
+"""setup.py builds the bridge to MUMPS only if it locates the headers of MUMPS."""
 
 import importlib.util
 from pathlib import Path
@@ -11,7 +11,7 @@ SETUP = Path(__file__).parents[2] / "setup.py"
 
 @pytest.fixture
 def setup(monkeypatch):
-    """setup.py as a module: nothing is built."""
+    """Return setup.py as a module, without a build."""
     pytest.importorskip("Cython")
     spec = importlib.util.spec_from_file_location("microslip_setup", SETUP)
     module = importlib.util.module_from_spec(spec)
@@ -23,17 +23,17 @@ def names(extensions):
     return {extension.name for extension in extensions}
 
 
-def test_without_headers_the_bridge_alone_is_left_out(setup, monkeypatch, capsys):
+def test_without_headers_only_the_bridge_is_not_built(setup, monkeypatch, capsys):
     monkeypatch.setattr(setup, "headers_of_mumps", lambda *places: None)
     without = names(setup.kernels())
-    said = capsys.readouterr().err
-    assert "without its bridge to MUMPS" in said and "MUMPS_INCLUDE" in said
+    output = capsys.readouterr().err
+    assert "without its bridge to MUMPS" in output and "MUMPS_INCLUDE" in output
     monkeypatch.setattr(setup, "headers_of_mumps", lambda *places: Path("/there"))
     assert names(setup.kernels()) - without == {"microslip.linear._mumps"} and len(without) == 5
     assert capsys.readouterr().err == ""
 
 
-def test_where_headers_are_looked_for(setup, tmp_path):
+def test_headers_are_searched_in_order(setup, tmp_path):
     stated, petsc, usual = tmp_path / "stated", tmp_path / "petsc" / "arch" / "include", tmp_path / "usual" / "include"
     for folder in (stated, petsc, usual):
         folder.mkdir(parents=True)
@@ -43,4 +43,6 @@ def test_where_headers_are_looked_for(setup, tmp_path):
     assert setup.headers_of_mumps(of_petsc, prefixes) == petsc
     assert setup.headers_of_mumps({}, prefixes) == usual
     assert setup.headers_of_mumps({}, (str(tmp_path / "nothing"),)) is None
-    assert setup.headers_of_mumps({"MUMPS_INCLUDE": str(tmp_path)} | of_petsc, prefixes) is None  # what is stated, or none
+    assert (
+        setup.headers_of_mumps({"MUMPS_INCLUDE": str(tmp_path)} | of_petsc, prefixes) is None
+    )  # a stated path is not replaced by others
