@@ -255,7 +255,7 @@ def test_rows_have_the_part_of_their_body():
     assert (parts[rows] == 1).all() and np.count_nonzero(parts) == len(rows)
 
 
-def test_a_rank_may_own_nothing():
+def test_a_rank_may_own_no_rows():
     mesh, case = single_body("hex8", (1, 1, 1)), settings({"block": "block"}, [("base", ["x", "y", "z"])])
     system, _ = system_of(mesh, case)
     assert system.K.getLocalSize()[0] == (12 if comm.rank == 0 else 0)

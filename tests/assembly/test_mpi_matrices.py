@@ -109,7 +109,7 @@ def test_a_damping_matrix_may_couple_the_modes(shared_path, name, size):
     structure.linearised.destroy()
 
 
-def test_a_proportional_damping_matrix_stays_diagonal(shared_path):
+def test_a_proportional_damping_matrix_is_diagonal_in_modes(shared_path):
     plain = scenes.chain()
     system = with_damping(plain, 3.0 * plain["M"] + 1e-5 * scenes.stuck_stiffness(plain))
     structure, model = reduced(shared_path, system)

@@ -294,10 +294,10 @@ def test_forces_and_moments_on_a_point_do_the_exact_work(connection):
     point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", connection=connection)
     F, moment = (1.0, 2.0, 3.0), (-2.0, 0.5, 4.0)
     loads = [{"point": "p", "direction": F}, {"point": "p", "moment": moment}]
-    held, free_ = (
+    supported, free_ = (
         tied(mesh, supports=supports, points=(point,), loads=loads) for supports in ([("base", "xyz")], [("base", "x")])
     )
-    system = system_of(mesh, held)
+    system = system_of(mesh, supported)
     arms = mesh.points - np.array(point.position)
     for column_, force, turn in zip(system.loads.toarray().T, (F, (0, 0, 0)), ((0, 0, 0), moment)):
         work = []

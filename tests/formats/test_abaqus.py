@@ -400,7 +400,7 @@ def test_names_in_quotes_may_hold_commas(tmp_path):
     assert [body.material for body in model.bodies.values()] == ["Steel, old"] and not words(model)
 
 
-def test_absurd_counts_take_no_memory_and_no_time(tmp_path):
+def test_absurd_counts_need_no_memory_and_no_time(tmp_path):
     doubled = "".join(f"*NSET, NSET=s{i}\ns{i + 1}, s{i + 1}\n" for i in range(60)) + "*NSET, NSET=s60\n1\n"
     model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n2, 9000000000000, 3\n" + doubled)
     assert numbers(model, "n") == [2, 5, 8] and numbers(model, "s0") == [1]

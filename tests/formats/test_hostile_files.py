@@ -246,9 +246,9 @@ def test_included_bulk_data_is_read_in_place(tmp_path):
     (tmp_path / "grid.inc").write_text("".join(lines[at : at + 5]))
     (tmp_path / "whole.bdf").write_text("".join(lines))
     (tmp_path / "parts.bdf").write_text("".join([*lines[:at], "INCLUDE 'grid.inc'\n", *lines[at + 5 :]]))
-    whole, parts = read_model(tmp_path / "whole.bdf"), read_model(tmp_path / "parts.bdf")
-    np.testing.assert_array_equal(parts.numbers, whole.numbers)
-    np.testing.assert_array_equal(parts.points, whole.points)
+    expected, parts = read_model(tmp_path / "whole.bdf"), read_model(tmp_path / "parts.bdf")
+    np.testing.assert_array_equal(parts.numbers, expected.numbers)
+    np.testing.assert_array_equal(parts.points, expected.points)
 
 
 # -- archives and HDF5 --------------------------------------------------------------------------------------------------

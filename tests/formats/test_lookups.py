@@ -1,4 +1,4 @@
-"""Helpers for large files: look-up of node numbers, groups of nodes with the same supports, line numbers of commands."""
+"""Helpers for large files: positions of node numbers, groups of nodes with the same supports, line numbers of commands."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
 """Every reader returns a model or a single message for small files with some bytes changed.
 
-The quick part of fuzzing; ``jobs/bench/fuzz.py`` goes on for as long as it is let.
+The quick part of fuzzing; ``jobs/bench/fuzz.py`` runs for a given time.
 """
 
 from pathlib import Path

@@ -470,9 +470,9 @@ def test_included_files_are_read(tmp_path):
     text = bdf(plain())
     at = text.index("GRID*,110")
     (tmp_path / "more.inc").write_text(text[at : text.index("CHEXA")])
-    whole = read_model(written(tmp_path, text=text))
+    expected = read_model(written(tmp_path, text=text))
     parts = read_model(written(tmp_path, text=text[:at] + "INCLUDE 'more.inc'\n" + text[text.index("CHEXA") :]))
-    np.testing.assert_array_equal(parts.points, whole.points)
+    np.testing.assert_array_equal(parts.points, expected.points)
 
 
 def test_the_streams_of_the_program_are_restored(monkeypatch):
