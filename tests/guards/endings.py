@@ -1,4 +1,4 @@
-"""Endings that a run can take, on the ranks that the name says: started by test_ending.py, not a test itself."""
+"""Ways in which a run can end, on the ranks named by the function: started by test_ending.py, not a test itself."""
 
 import ctypes
 import os
@@ -61,21 +61,21 @@ def waits_for_a_signal():
 
 
 def never_returns():
-    """Call a function that no signal interrupts, as a library that lets threads run: a lock that this thread has."""
+    """Call a function that no signal interrupts, as a library that permits threads: acquire a lock that this thread has."""
     library, mutex = ctypes.CDLL(None), ctypes.create_string_buffer(128)
     library.pthread_mutex_lock(mutex)
     library.pthread_mutex_lock(mutex)
 
 
 def calls_without_an_answer():
-    """Get a signal in such a call, with a folder locked."""
+    """Send a signal in such a call, with a locked folder."""
     with locked(COMM, Path(sys.argv[2])), parting_with("; the results are elsewhere"):
         threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGTERM)).start()
         never_returns()
 
 
 def waits_without_an_answer():
-    """Be in such a call when somebody else sends a signal."""
+    """Stay in such a call while another process sends a signal."""
     with open(sys.argv[2] + str(COMM.rank), "w") as file:
         file.write(f"{os.getpid()}\n")
     with parting_with("; the results are elsewhere"):
@@ -83,7 +83,7 @@ def waits_without_an_answer():
 
 
 def hangs_on_its_way_out():
-    """Get a signal on all ranks, and wait on the first for another that is elsewhere before its message."""
+    """Send a signal on all ranks; the first waits before its message for another rank that does not arrive."""
     try:
         time.sleep(0.5)
         os.kill(os.getpid(), signal.SIGTERM)
@@ -93,13 +93,13 @@ def hangs_on_its_way_out():
 
 
 def says_and_hangs():
-    """End with the message of a signal on the first rank, and stay in a call after it."""
+    """End with the message of a signal on the first rank, and stay in a call afterwards."""
     ending.leave = lambda status: never_returns()
     signal.raise_signal(signal.SIGTERM)
 
 
 def is_stopped_at_the_very_end():
-    """Get a signal when the work is done."""
+    """Send a signal after the end of the work."""
     ending.conclude_signals = lambda: (conclude_signals(), signal.raise_signal(signal.SIGTERM))
 
 

@@ -1,4 +1,4 @@
-"""The end of the program: one message, one status, and no rank left waiting, whatever happened on which rank."""
+"""The end of the program: one message, one status, and no rank left waiting, for any event on any rank."""
 
 import errno
 import os
@@ -34,9 +34,9 @@ def test_each_problem_has_its_status(problem, status, capsys):
         raise problem
 
     assert conclude(None, action) == status
-    said = capsys.readouterr().err
-    assert said.count("microslip: error: ") == 1
-    assert "Traceback" not in said
+    messages = capsys.readouterr().err
+    assert messages.count("microslip: error: ") == 1
+    assert "Traceback" not in messages
 
 
 def test_a_full_disk_is_named_with_its_file():
@@ -45,12 +45,12 @@ def test_a_full_disk_is_named_with_its_file():
 
 def test_a_defect_shows_its_traceback(capsys):
     assert conclude(None, lambda: 1 // 0) == 70
-    said = capsys.readouterr().err
-    assert "a defect of the program" in said
-    assert "ZeroDivisionError" in said
+    messages = capsys.readouterr().err
+    assert "a defect of the program" in messages
+    assert "ZeroDivisionError" in messages
 
 
-def test_what_went_well_says_nothing(capsys):
+def test_a_successful_end_prints_nothing(capsys):
     assert conclude(None, lambda: None) == 0
     assert capsys.readouterr().err == ""
 
@@ -65,7 +65,7 @@ def test_what_went_well_says_nothing(capsys):
         ("out_of_memory", 4, "not enough memory"),
     ],
 )
-def test_two_ranks_end_together_and_say_it_once(ending, status, message):
+def test_two_ranks_end_with_one_message(ending, status, message):
     done = python(ENDINGS, ending, ranks=2)
     assert done.returncode == status
     assert done.stderr.count("microslip: error: ") == 1
@@ -79,11 +79,11 @@ def test_a_signal_to_one_rank_ends_both(tmp_path):
     try:
         wait_for(tmp_path / "pid0")
         os.kill(int(wait_for(tmp_path / "pid1")), signal.SIGTERM)
-        said = job.communicate(timeout=LIMIT)[1]
+        messages = job.communicate(timeout=LIMIT)[1]
     finally:
         job.kill()
     assert job.returncode == 5
-    assert said.count("microslip: error: stopped by SIGTERM\n") == 1  # of the first rank, which it was passed on to
+    assert messages.count("microslip: error: stopped by SIGTERM\n") == 1  # of the first rank, to which it was passed on
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -95,7 +95,7 @@ def test_a_signal_during_a_long_call_ends_the_run(tmp_path, ranks):
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_signal_to_mpirun_during_a_long_call_is_noticed(tmp_path):
+def test_a_signal_to_mpirun_during_a_long_call_is_reported(tmp_path):
     command = [
         MPIRUN,
         "--oversubscribe",
@@ -111,14 +111,14 @@ def test_a_signal_to_mpirun_during_a_long_call_is_noticed(tmp_path):
         for rank in range(2):
             wait_for(tmp_path / f"pid{rank}")
         job.send_signal(signal.SIGTERM)
-        said = job.communicate(timeout=LIMIT)[1]
+        messages = job.communicate(timeout=LIMIT)[1]
     finally:
         job.kill()
     assert job.returncode not in (0, None)
-    assert said.count("microslip: SIGTERM arrived: the call in progress may end within 1 s; the results are elsewhere\n") == 1
+    assert messages.count("microslip: SIGTERM arrived: the call in progress may end within 1 s; the results are elsewhere\n") == 1
 
 
-def test_a_first_rank_that_waits_on_its_way_out_says_its_message():
+def test_a_first_rank_that_waits_at_its_end_prints_its_message():
     done = python(ENDINGS, "hangs_on_its_way_out", ranks=2)
     assert done.returncode == 5
     assert done.stderr.count("microslip: error: stopped by SIGTERM\n") == 1 == done.stderr.count("microslip: error: ")
@@ -134,41 +134,41 @@ def test_a_signal_at_the_very_end_changes_nothing():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_ranks_that_wait_for_ever_show_their_stacks_and_end():
+def test_deadlocked_ranks_print_their_stacks_and_end():
     done = python(ENDINGS, "hangs", ranks=2, variables={"MICROSLIP_WATCHDOG": 2})
     assert done.returncode not in (0, 5) and done.stderr.count("endings.py") >= 3
     first, *last = done.stderr.split("Timeout (0:00:02)!")
     assert last and first.count(" in hangs") == 2
 
 
-def test_a_rank_that_goes_on_is_left_alone():
+def test_a_rank_that_makes_progress_is_not_ended():
     done = python(ENDINGS, "moves", variables={"MICROSLIP_WATCHDOG": 4})
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_long_call_is_left_alone():
+def test_a_long_call_is_not_ended():
     done = python(ENDINGS, "calls_long", variables={"MICROSLIP_WATCHDOG": 2.5})
-    assert done.returncode == 0 and " in calls_long" not in done.stderr  # a busy machine takes longer to end the interpreter
+    assert done.returncode == 0 and " in calls_long" not in done.stderr  # a busy machine needs longer to end the interpreter
 
 
-def test_after_a_long_call_the_usual_limit_holds():
+def test_after_a_long_call_the_usual_limit_applies():
     done = python(ENDINGS, "calls_long_and_hangs", variables={"MICROSLIP_WATCHDOG": 1})
     assert done.returncode not in (0, 5) and "Timeout (0:00:01)!" in done.stderr and " in calls_long_and_hangs" in done.stderr
 
 
 @pytest.mark.parametrize("text", ["soon", "-1", "nan", "1e9"])
-def test_a_limit_of_the_watch_that_is_none(monkeypatch, text):
+def test_an_invalid_limit_of_the_watchdog_is_rejected(monkeypatch, text):
     monkeypatch.setenv("MICROSLIP_WATCHDOG", text)
     assert f"MICROSLIP_WATCHDOG={text}: a number of seconds is expected" in wrong_limit()
 
 
 @pytest.mark.parametrize("text", ["", "0", "3600", "2.5"])
-def test_a_limit_of_the_watch(monkeypatch, text):
+def test_valid_limits_of_the_watchdog_are_accepted(monkeypatch, text):
     monkeypatch.setenv("MICROSLIP_WATCHDOG", text)
     assert wrong_limit() is None
 
 
-def test_what_exits_in_the_middle_is_a_defect(capsys):
+def test_an_exit_during_the_work_is_a_defect(capsys):
     def action():
         with no_exit():
             sys.exit(0)

@@ -1,4 +1,4 @@
-"""One run a folder: who holds it is named, and who is gone is recognised."""
+"""One run per folder: the run that locks it is named, and a lock of an ended run is recognised."""
 
 import errno
 import fcntl
@@ -39,32 +39,32 @@ def quick(monkeypatch):
 
 
 def held(folder):
-    """Return what is said of who holds a folder."""
+    """Return the message on the owner of a folder's lock."""
     with pytest.raises(CaseError) as problem, locked(SELF, folder):
         pass
     return str(problem.value)
 
 
 def leave(folder, **changes):
-    """Leave a file as a run that was killed does."""
+    """Write a file as left by a killed run."""
     folder.mkdir(exist_ok=True)
     (folder / NAME).write_text(json.dumps(lock._self() | changes))
 
 
-def test_a_second_run_is_refused_and_a_third_is_not(tmp_path, locks):
+def test_a_second_run_is_rejected_and_a_later_one_is_not(tmp_path, locks):
     folder = tmp_path / "results" / "fan"
-    with locked(SELF, folder) as said:
-        assert said == []
-        told = held(folder)
-        assert f"{folder}: another run is at work there by process {os.getpid()} on {socket.gethostname()}, begun 2" in told
-        assert "choose another folder with --out" in told
+    with locked(SELF, folder) as notes:
+        assert notes == []
+        message = held(folder)
+        assert f"{folder}: another run is at work there by process {os.getpid()} on {socket.gethostname()}, begun 2" in message
+        assert "choose another folder with --out" in message
         with locked(SELF, tmp_path / "other"):
             pass
     assert os.listdir(folder) == []
     with pytest.raises(ZeroDivisionError), locked(SELF, folder):
         raise ZeroDivisionError
-    with locked(SELF, folder) as said:
-        assert said == []
+    with locked(SELF, folder) as notes:
+        assert notes == []
 
 
 def test_a_process_that_was_killed_is_recognised(tmp_path, locks):
@@ -77,17 +77,17 @@ def test_a_process_that_was_killed_is_recognised(tmp_path, locks):
     finally:
         other.kill()
         other.wait()
-    with locked(SELF, tmp_path) as (said,):
-        assert said.startswith(f"{tmp_path / NAME} was left behind by process {other.pid} on ") and said.endswith("taken over")
+    with locked(SELF, tmp_path) as (notes,):
+        assert notes.startswith(f"{tmp_path / NAME} was left behind by process {other.pid} on ") and notes.endswith("taken over")
 
 
-def test_a_number_that_another_process_has_now_is_no_holder(tmp_path, locks):
+def test_a_process_number_in_use_by_another_program_is_no_owner(tmp_path, locks):
     leave(tmp_path, process=os.getpid(), started="another boot 5")
-    with locked(SELF, tmp_path) as (said,):
-        assert "was left behind" in said
+    with locked(SELF, tmp_path) as (notes,):
+        assert "was left behind" in notes
 
 
-def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, quick, capfd):
+def test_another_machine_owns_the_lock_while_it_updates_the_file(tmp_path, locks, quick, capfd):
     leave(tmp_path, host="elsewhere", job="")
     goes_on, touched = threading.Event(), tmp_path / NAME
 
@@ -103,41 +103,41 @@ def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, q
     finally:
         goes_on.set()
         thread.join()
-    with locked(SELF, tmp_path) as (said,):
-        assert "on elsewhere" in said and "taken over" in said
+    with locked(SELF, tmp_path) as (notes,):
+        assert "on elsewhere" in notes and "taken over" in notes
     assert os.listdir(tmp_path) == []
 
 
-def test_a_job_that_was_put_into_the_queue_again_need_not_wait(tmp_path, monkeypatch):
+def test_a_requeued_job_need_not_wait(tmp_path, monkeypatch):
     monkeypatch.setenv("SLURM_JOB_ID", "7")
     leave(tmp_path, host="elsewhere")
     began = time.monotonic()
-    with locked(SELF, tmp_path) as (said,):
-        assert "job 7" in said and time.monotonic() - began < 30.0
+    with locked(SELF, tmp_path) as (notes,):
+        assert "job 7" in notes and time.monotonic() - began < 30.0
 
 
 @pytest.mark.parametrize("text", ["", "no JSON", "[1]", '{"host": 3, "process": {}}'])
-def test_a_file_that_says_nothing(tmp_path, text, locks, quick):
+def test_a_lock_file_without_information(tmp_path, text, locks, quick):
     (tmp_path / NAME).write_text(text)
     os.utime(tmp_path / NAME, (0, 0))
     with locked(SELF, tmp_path):
         assert held(tmp_path)
 
 
-def test_what_somebody_else_took_over_is_not_taken_away(tmp_path):
+def test_a_lock_taken_over_by_another_run_is_not_deleted(tmp_path):
     with locked(SELF, tmp_path):
         os.remove(tmp_path / NAME)
         (tmp_path / NAME).write_text("another's")
     assert (tmp_path / NAME).read_text() == "another's"
 
 
-def test_a_folder_that_cannot_be(tmp_path):
+def test_an_impossible_folder_is_rejected(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(CaseError, match="cannot be written"), locked(SELF, tmp_path / "file"):
         pass
 
 
-def test_a_process_that_gets_no_thread_says_so_and_leaves_nothing(tmp_path, monkeypatch):
+def test_a_process_without_further_threads_reports_it_and_leaves_no_file(tmp_path, monkeypatch):
     def refuse(thread):
         raise RuntimeError("can't start new thread")
 

@@ -1,4 +1,4 @@
-"""What is left of the memory, read from the files of Linux: machine, control groups of both versions, Slurm, limits of a process."""
+"""Available memory, read from the files of Linux: machine, control groups of both versions, Slurm, limits of a process."""
 
 import ctypes
 import resource
@@ -20,7 +20,7 @@ V1 = (
 
 @pytest.fixture
 def root(tmp_path, monkeypatch):
-    """Return what to call with files and their texts: a root folder with /proc and /sys."""
+    """Return a function of files and their texts that makes a root folder with /proc and /sys."""
     for name in ("SLURM_MEM_PER_NODE", "SLURM_MEM_PER_CPU", "SLURM_CPUS_ON_NODE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(resource, "getrlimit", lambda which: (resource.RLIM_INFINITY,) * 2)
@@ -39,16 +39,16 @@ def left(root):
     return {limit.name: limit.available for limit in limits_here("machine 0", "rank 0", 1.0 * GB, root)}
 
 
-def test_a_machine_tells_what_is_available(root):
+def test_memory_of_the_machine(root):
     assert left(root()) == {"the machine": 20000000 * 1024.0}
 
 
-def test_nothing_tells_on_other_systems(root):
+def test_other_systems_have_no_information(root):
     assert left(root(**{"proc/meminfo": "", "proc/self/status": ""})) == {}
 
 
 def test_control_groups_of_version_2_are_read_up_to_the_root(root):
-    """Files kept in memory are given up for others; the lower of memory.max and memory.high counts."""
+    """Cached files are released for other processes; the lower of memory.max and memory.high applies."""
     job, step = "sys/fs/cgroup/slurm/job_7", "sys/fs/cgroup/slurm/job_7/step_0"
     files = {
         "proc/self/cgroup": "0::/slurm/job_7/step_0\n",
@@ -77,8 +77,8 @@ def test_control_groups_of_version_1(root):
     assert left(root(**files))["control group /pbs/job"] == 1.0e9 and len(left(root())) == 2
 
 
-def test_a_container_sees_its_own_group_as_the_root(root):
-    """Its namespace shows a path that is not mounted; the group that is mounted is its own."""
+def test_a_container_has_its_group_as_the_root(root):
+    """Its namespace has a path that is not mounted; the mounted group is its own."""
     files = {
         "proc/self/cgroup": "0::/\n",
         "proc/self/mountinfo": V2.replace("0:26 / ", "0:26 /docker/ab12 "),
@@ -97,7 +97,7 @@ def test_a_container_sees_its_own_group_as_the_root(root):
         ({"SLURM_MEM_PER_NODE": "4G"}, None),
     ],
 )
-def test_what_slurm_grants_is_shared_by_the_ranks_of_a_machine(root, monkeypatch, stated, total):
+def test_memory_granted_by_slurm_is_shared_by_the_ranks_of_a_machine(root, monkeypatch, stated, total):
     for name, value in stated.items():
         monkeypatch.setenv(name, value)
     available = left(root()).get("the job's memory in Slurm")
@@ -113,7 +113,7 @@ def test_limits_of_the_process(root, monkeypatch, which, name, used):
     assert left(root())[f"the process's {name}"] == 2**31 - 1024.0 * used
 
 
-def test_what_is_shared_is_compared_with_the_sum():
+def test_shared_limits_are_compared_with_the_sum_of_the_ranks():
     machine, group, own = Limit("the machine", "m", 10.0), Limit("group", "g", 5.0), Limit("own", "r1", 3.0)
     ranks = [[machine, group], [machine, group, own]]
     assert worst(ranks, [2.0, 2.5]) is None
@@ -126,19 +126,19 @@ def test_numbers_of_bytes_in_words():
     assert [gigabytes(size) for size in (1.234e10, 2e9, 3.21e6)] == ["12.3 GB", "2 GB", "3.21 MB"]
 
 
-def test_freed_memory_goes_back_to_the_system():
-    memory.give_back()  # else some of it is taken of what earlier tests have freed
+def test_freed_memory_is_returned_to_the_system():
+    memory.give_back()  # otherwise part of it reuses memory freed by earlier tests
     before = memory.resident_memory()
     many = [bytearray(1000) for _ in range(300_000)]
-    last, held = many[-1], memory.resident_memory()  # what the last one lies beside cannot go back by itself
+    last, held = many[-1], memory.resident_memory()  # memory next to the last one cannot be returned by itself
     many.clear()
     memory.give_back()
     assert held - before > 60e6 and memory.resident_memory() - before < 0.5 * (held - before) and last is not None
     assert memory.peak_memory() > 0.99 * held
 
 
-def test_some_memory_stays_at_the_end_of_the_heap():
-    """A library that reads a little past an array at this end would otherwise read where nothing is mapped."""
+def test_some_memory_remains_at_the_end_of_the_heap():
+    """A library that reads slightly past the end of an array there would otherwise read unmapped memory."""
     library = ctypes.CDLL(None)
     if not hasattr(library, "mallinfo2"):
         pytest.skip("a C library other than glibc 2.33 or later")

@@ -1,4 +1,4 @@
-"""Memory refused on all ranks, whichever of them needs too much."""
+"""A lack of memory on any rank is an error on all ranks."""
 
 import pytest
 from mpi4py import MPI
@@ -20,7 +20,7 @@ def has(monkeypatch, left, shared=True):
 
 
 @pytest.mark.parametrize("rank", range(COMM.size))
-def test_one_rank_that_needs_too_much_ends_all(monkeypatch, rank):
+def test_one_rank_that_needs_too_much_memory_ends_all(monkeypatch, rank):
     has(monkeypatch, 1e9, shared=False)
     with pytest.raises(
         ResourceError,
@@ -30,7 +30,7 @@ def test_one_rank_that_needs_too_much_ends_all(monkeypatch, rank):
     refuse_beyond(COMM, 0.9e9, "the modes", "state fewer")
 
 
-def test_ranks_of_a_machine_share_what_it_has(monkeypatch):
+def test_ranks_of_a_machine_share_its_memory(monkeypatch):
     has(monkeypatch, 1e9)
     assert memory_left(COMM) == pytest.approx(1e9)
     refuse_beyond(COMM, 0.99e9 / COMM.size, "the modes", "")
@@ -40,5 +40,5 @@ def test_ranks_of_a_machine_share_what_it_has(monkeypatch):
         refuse_beyond(COMM, 1.2e9 / COMM.size, "the modes", "")
 
 
-def test_what_this_machine_says_is_believable():
+def test_memory_of_this_machine_is_plausible():
     assert 1e7 < memory_left(COMM) < 1e16
