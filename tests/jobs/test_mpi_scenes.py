@@ -37,10 +37,10 @@ SCENES = {
 
 
 def put(folder: Path, name: str) -> Path:
-    """Copy a scene and make its mesh, in folders beside each other as those of the project."""
+    """Copy a scene and build its mesh, in neighbouring folders as in the project."""
     mesh, make, _ = SCENES[name]
-    for one in ("jobs", "meshes"):
-        (folder / one).mkdir()
+    for folder_name in ("jobs", "meshes"):
+        (folder / folder_name).mkdir()
     write_msh(str(folder / "meshes" / f"{mesh}.msh"), make())
     scene = folder / "jobs" / f"{name}.toml"
     scene.write_text((ROOT / "jobs" / scene.name).read_text(encoding="utf-8"), encoding="utf-8")
@@ -48,26 +48,26 @@ def put(folder: Path, name: str) -> Path:
 
 
 def force_of(structure, body):
-    """Return what loads pull at a body with, (3,) [N]."""
+    """Return the resultant of the loads on a body, (3,) [N]."""
     bodies = structure.balance.bodies
     return bodies.loads[bodies.names.index(f"body {body!r}"), :3]
 
 
 def of_blade(structure):
-    """The flanks bear what the blade's mass pulls with, a tonne and more along the radius."""
+    """The flanks carry the centrifugal force of the blade, a tonne and more along the radius."""
     joints = structure.balance.joints
     assert joints.on_first[0, :3] == pytest.approx(-force_of(structure, "blade"), abs=1e-4)
     assert 1e4 < -joints.on_first[0, 2] < 1e6
 
 
 def of_lap(structure):
-    """The plates are pressed together by what the bolts are tightened to; their shanks bear what little shears the lap."""
+    """The plates are pressed together by the bolt preload; the shanks carry the small shear of the lap."""
     force = structure.balance.joints.on_second[0, :3]
     assert force[2] == pytest.approx(18000.0, abs=1e-3) and np.hypot(*force[:2]) < 20.0
 
 
 def of_damper(structure):
-    """m r Omega^2 of a prism of 14 g, borne by both flanks alike."""
+    """m r Omega^2 of a prism of 14 g, carried equally by both flanks."""
     area, height = 0.5 * (_DAMPER.damper_top + _DAMPER.damper_bottom), 0.5 * (_DAMPER.damper_bottom - _DAMPER.damper_top)
     mass = 7850.0 * area * height * _DAMPER.damper_length
     low = _DAMPER.ridge_radius - 0.5 * _DAMPER.damper_bottom
@@ -80,7 +80,7 @@ def of_damper(structure):
 
 
 def of_block(structure):
-    """Weight and springs press on the ground."""
+    """Weight and springs press the block on the ground."""
     pressed = 7.9 + 0.5e6 * (_BLOCK.length - _BLOCK.mast) * _BLOCK.width
     assert structure.balance.joints.on_second[0, :3] == pytest.approx([0.0, 0.0, -pressed], abs=1e-6 * pressed)
 
@@ -92,8 +92,8 @@ AT_REST = {"fan_paper_speed": of_blade, "bolted_lap": of_lap, "underplatform_dam
 @pytest.mark.parametrize(
     "name", ["fan_paper_speed", *(pytest.param(name, marks=pytest.mark.ranks(1)) for name in SCENES if name != "fan_paper_speed")]
 )
-def test_the_scene_comes_to_rest_and_vibrates_about_it(comm, shared_path, name):
-    """Energy is conserved at every point, friction takes some, and what slips moves less than what would stick."""
+def test_the_scene_has_a_state_of_rest_and_vibrates_about_it(comm, shared_path, name):
+    """Energy is conserved at every point, some is lost by friction, and the slipping motion is smaller than the stuck one."""
     level = SCENES[name][2]
     keys = {"points": 2, "span": [0.995, 1.0], "harmonics": 1, "samples": 64, "error_bars": False}
     with microslip.build(microslip.read(on_root(comm, put, shared_path, name)), comm) as structure:
