@@ -1,4 +1,4 @@
-"""The log on any number of ranks: rank 0 writes, times and memory are those of all ranks, errors lock nobody up."""
+"""The log on any number of ranks: rank 0 writes, times and memory are those of all ranks, errors cause no deadlock."""
 
 import io
 import sys
@@ -20,7 +20,7 @@ COMM = MPI.COMM_WORLD
 
 @pytest.fixture
 def path(tmp_path):
-    """One place for all ranks."""
+    """Return one path for all ranks."""
     return COMM.bcast(str(tmp_path / "out" / "run.log"))
 
 
@@ -58,7 +58,7 @@ def run_level(log, level=4.0, failure=None, shown=AMPLITUDE):
     notify("level_finished", 1, branch)
 
 
-def test_header_says_what_ran_where(path):
+def test_header_states_version_machine_and_scene(path):
     with RunLog(COMM, path, False, screen=False, command="microslip run x.toml", facts={"PETSc": "3.18.5"}):
         pass
     text = "\n".join(lines(path))
@@ -85,7 +85,7 @@ def test_stages_take_the_time_of_the_slowest_rank_and_the_memory_of_all(path, mo
     assert [line.split()[0] for line in table] == ["inner", "outer", "total"] and "100.0%" in table[1]
 
 
-def test_a_stage_that_ends_without_a_word_in_between_is_one_line(path):
+def test_a_stage_without_notes_is_one_line(path):
     with RunLog(COMM, path, False, screen=False) as log:
         with log.stage("quiet"):
             pass
@@ -97,7 +97,7 @@ def test_a_stage_that_ends_without_a_word_in_between_is_one_line(path):
     assert text[start + 1] == "one note" and text[start + 2].startswith("loud  ") and text[start + 2].endswith("MiB")
 
 
-def test_each_point_is_a_line_and_each_level_a_sum(path):
+def test_each_point_is_a_line_and_each_level_a_summary(path):
     with RunLog(COMM, path, False, screen=False) as log:
         run_level(log, failure="hb: no convergence beyond 101 Hz")
     text = lines(path)
@@ -111,7 +111,7 @@ def test_each_point_is_a_line_and_each_level_a_sum(path):
     assert text[start + 7].strip() == "stopped early: hb: no convergence beyond 101 Hz"
 
 
-def test_of_statics_the_mean_is_told_with_its_sign(path):
+def test_the_mean_of_statics_is_printed_with_its_sign(path):
     still = Branch(4.0, [point(99.0, 0.0, response=np.array([[-2e-6, 0.0, 0.0]]))])
     with RunLog(COMM, path, False, screen=False) as log:
         notify = Observers(COMM, [4.0], [LevelLog(log, Sweep(2 * np.pi * 99.0, 2 * np.pi * 101.0), 1, MEAN)]).notify
@@ -123,7 +123,7 @@ def test_of_statics_the_mean_is_told_with_its_sign(path):
     assert "1 point in" in total and "displacement -2.0000e-06 m (-5.0000e-07 m/N) at every frequency" in total
 
 
-def test_points_of_mixed_levels_say_whose_they_are_and_are_counted_by_level(path):
+def test_points_of_mixed_levels_are_labelled_and_counted_by_level(path):
     with RunLog(COMM, path, False, screen=False) as log:
         observers = Observers(COMM, [4.0, 8.0], [LevelLog(log, Sweep(10.0, 20.0), 2)])
         for number in (1, 0):
@@ -137,7 +137,7 @@ def test_points_of_mixed_levels_say_whose_they_are_and_are_counted_by_level(path
     assert [len(branch.points) for branch in observers.branches] == ([1, 2] if COMM.rank == 0 else [0, 0])
 
 
-def test_what_an_observer_raises_is_raised_on_every_rank():
+def test_an_error_of_an_observer_is_raised_on_every_rank():
     class Full:
         def level_started(self, number, level, where):
             raise ResourceError("the disk is full")
@@ -155,7 +155,7 @@ def test_a_level_without_a_point(path):
 
 
 def test_an_error_closes_the_log_without_waiting_for_other_ranks(path):
-    """All ranks raise, one without the log having been told anything by the others."""
+    """All ranks raise, one of them without notifying the others of the log."""
     with pytest.raises(CaseError):
         with RunLog(COMM, path, False, screen=False) as log:
             with log.stage("mesh"):
@@ -166,17 +166,17 @@ def test_an_error_closes_the_log_without_waiting_for_other_ranks(path):
     assert any(line.startswith("assembly ended after") and line.endswith("CaseError") for line in text)
     assert text[-1] == "ended by CaseError: element 7 is inverted"
     assert any(line.startswith("mesh ") for line in text[-4:])
-    COMM.Barrier()  # nobody waits in a reduction of the log
+    COMM.Barrier()  # no rank waits in a reduction of the log
 
 
-def test_an_error_is_left_to_the_end_of_the_program_to_say(path, capsys):
+def test_an_error_is_printed_by_the_end_of_the_program_only(path, capsys):
     with pytest.raises(CaseError):
         with RunLog(COMM, path, False):
             raise CaseError("element 7 is inverted")
     assert "element 7" not in capsys.readouterr().out
 
 
-def test_a_file_that_cannot_be_written_is_told_on_every_rank(path, tmp_path):
+def test_a_file_that_cannot_be_written_is_an_error_on_every_rank(path, tmp_path):
     folder = COMM.bcast(str(tmp_path))
     if COMM.rank == 0:
         open(folder + "/taken", "w").close()
@@ -204,7 +204,7 @@ def test_a_batch_screen_has_the_lines_of_the_file(path, capsys):
         assert out == "" and lines(path)
 
 
-def test_a_terminal_has_a_bar_and_no_line_a_point(path, monkeypatch):
+def test_a_terminal_has_a_progress_bar_instead_of_points(path, monkeypatch):
     pytest.importorskip("rich")
     screen = io.StringIO()
     monkeypatch.setattr(sys, "stderr", screen)

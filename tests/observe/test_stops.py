@@ -1,4 +1,4 @@
-"""The end of the time that a run has, as it is said."""
+"""The message before the end of a run's time limit."""
 
 import pytest
 from mpi4py import MPI
@@ -12,7 +12,7 @@ from microslip.system.walltime import TimeLimit
 @pytest.mark.parametrize(
     ("left", "said", "stopped"), [(3.0, "3 s are left", "3 s before"), (-100.0, "0 s are left", "100 s after")]
 )
-def test_a_run_stops_before_its_end_or_says_that_it_is_over(left, said, stopped):
+def test_a_run_stops_before_the_end_of_its_time_limit(left, said, stopped):
     saved = []
     log = RunLog(MPI.COMM_SELF, screen=False)
     stops = Stops(log, lambda: saved.append(True), TimeLimit(left, "the queue"))
