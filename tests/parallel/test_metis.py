@@ -1,4 +1,4 @@
-"""METIS and signals: it leaves them as they were, and one that finds it at work stops the program as anywhere else."""
+"""METIS and signals: handlers are preserved, and a signal during its work stops the program as usual."""
 
 import numpy as np
 import pytest
@@ -108,20 +108,20 @@ def path_graph(n):
     return sp.csr_matrix(sp.diags([1.0, 1.0], [-1, 1], shape=(n, n)))
 
 
-def test_an_order_names_every_node_once():
+def test_an_order_is_a_permutation():
     assert np.array_equal(np.sort(metis.nested_dissection(path_graph(50))), np.arange(50))
 
 
 @pytest.mark.parametrize("n_parts", [2, 3, 7])
-def test_parts_are_alike_in_weight_and_cut_little(n_parts):
+def test_parts_have_similar_weights_and_few_cuts(n_parts):
     weights = np.ones(210)
     part = metis.partition(path_graph(210), n_parts, weights)
     assert np.bincount(part).max() <= 1.1 * 210 / n_parts
     assert np.count_nonzero(np.diff(part)) == n_parts - 1  # a path falls into pieces
 
 
-def test_a_full_output_is_left_when_a_signal_asks_to_stop_also_after_metis():
-    """As mpirun no longer reads what ranks print after it was told to stop: a write would wait until it kills."""
+def test_a_blocked_output_is_interrupted_by_a_signal_also_after_metis():
+    """When mpirun was stopped it no longer reads the output of ranks: a write would block until it kills them."""
     done = python("-c", WRITES)
     assert (done.returncode, done.stderr) == (5, "stopped")
 
@@ -133,19 +133,19 @@ def test_a_signal_while_metis_works_interrupts():
 
 
 @pytest.mark.slow
-def test_signals_at_any_moment_of_a_small_graph_wait_until_its_end():
-    """METIS' own handler leaves it by longjmp: after some twenty signals the process waited for ever, or crashed."""
+def test_signals_during_a_small_graph_are_handled_after_it():
+    """METIS' handler leaves by longjmp: after about twenty signals the process waited forever, or crashed."""
     done = python("-c", MANY)
     assert (done.returncode, done.stdout) == (0, "300\n"), done.stderr
 
 
-def test_no_thread_but_the_first_receives_signals():
+def test_only_the_first_thread_receives_signals():
     assert python("-c", THREADS).stdout == "True 1\n"
 
 
-def test_a_large_graph_gets_the_same_order_from_another_process(monkeypatch):
+def test_a_large_graph_has_the_same_order_in_another_process(monkeypatch):
     graph, weights = path_graph(300), np.ones(300)
-    here = metis.nested_dissection(graph), metis.partition(graph, 3, weights)
+    computed = metis.nested_dissection(graph), metis.partition(graph, 3, weights)
     monkeypatch.setattr(metis, "LARGE", 0)
-    there = metis.nested_dissection(graph), metis.partition(graph, 3, weights)
-    assert all(np.array_equal(a, b) for a, b in zip(here, there))
+    by_process = metis.nested_dissection(graph), metis.partition(graph, 3, weights)
+    assert all(np.array_equal(a, b) for a, b in zip(computed, by_process))

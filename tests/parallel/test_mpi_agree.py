@@ -1,4 +1,4 @@
-"""Work that the ranks share, and errors that all of them raise."""
+"""Work shared by the ranks, and errors raised by all of them."""
 
 import pytest
 from mpi4py import MPI

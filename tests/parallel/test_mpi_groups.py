@@ -1,4 +1,4 @@
-"""Groups of ranks side by side, on 1, 2 or 3 ranks: the parts, then levels and scenes of the whole program."""
+"""Groups of ranks on 1, 2 or 3 ranks: the components, then levels and scenes of the whole program."""
 
 import csv
 import time
@@ -42,7 +42,7 @@ def test_groups_are_consecutive_ranks_of_equal_size(comm):
         parts.comm.Free()
 
 
-def test_a_group_without_a_rank_is_refused():
+def test_a_group_without_a_rank_is_rejected():
     refuse_too_many(2, 2)
     with pytest.raises(CaseError, match="--groups 3: there are only 2 ranks"):
         refuse_too_many(3, 2)
@@ -50,7 +50,7 @@ def test_a_group_without_a_rank_is_refused():
         refuse_too_many(2, 1)
 
 
-def test_each_task_is_dealt_once_and_whoever_is_quick_gets_more(comm):
+def test_each_task_is_assigned_once_and_fast_groups_get_more(comm):
     parts, counter = split(comm, comm.size), Counter(comm)
     taken = []
     for task in dealt(parts, counter, 12):
@@ -62,22 +62,22 @@ def test_each_task_is_dealt_once_and_whoever_is_quick_gets_more(comm):
     counter.free()
 
 
-def test_rank_0_hears_everything_in_the_order_of_each_group(comm):
-    parts, heard = split(comm, min(2, comm.size)), []
-    reports = Reports(parts, lambda *news: heard.append(news))
+def test_rank_0_receives_all_messages_in_the_order_of_each_group(comm):
+    parts, received = split(comm, min(2, comm.size)), []
+    reports = Reports(parts, lambda *news: received.append(news))
     with reports.shared_failure():
         for k in range(20):
             on_root(parts.comm, reports.notify, parts.number, k, np.full(5000, float(k)))  # too long to be sent at once
         on_root(parts.comm, reports.finish)
     reports.free()
     for number in range(parts.n) if comm.rank == 0 else ():
-        own = [(k, values) for group, k, values in heard if group == number]
+        own = [(k, values) for group, k, values in received if group == number]
         assert [k for k, _ in own] == list(range(20)) and all((values == k).all() for k, values in own)
-    assert heard == [] or comm.rank == 0
+    assert received == [] or comm.rank == 0
 
 
 @pytest.mark.parametrize("culprit", [0, 1])
-def test_what_ends_one_group_ends_all(comm, culprit):
+def test_an_error_of_one_group_ends_all(comm, culprit):
     parts = split(comm, min(2, comm.size))
     reports = Reports(parts, lambda *news: None)
     begun = 0
@@ -98,7 +98,7 @@ def test_what_ends_one_group_ends_all(comm, culprit):
     comm.Barrier()
 
 
-def test_a_group_that_has_finished_still_hears_of_a_failure(comm):
+def test_a_finished_group_is_notified_of_a_failure(comm):
     parts = split(comm, min(2, comm.size))
 
     def full(*news):
@@ -112,7 +112,7 @@ def test_a_group_that_has_finished_still_hears_of_a_failure(comm):
     comm.Barrier()
 
 
-def test_each_group_holds_the_whole_model(comm, shared_path, monkeypatch):
+def test_each_group_has_the_whole_model(comm, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.receptance.on_ranks._BATCH", 2)
     path = on_root(comm, lambda: write_matrix_scene(shared_path, scenes.chain(), [0.4], (1.0, 1.6)))
     scene = read_scene(path)
@@ -132,13 +132,13 @@ def test_each_group_holds_the_whole_model(comm, shared_path, monkeypatch):
 
 @pytest.fixture
 def program(program, shared_path, monkeypatch):
-    """The program in the folder of the test."""
+    """Return the program in the folder of the test."""
     monkeypatch.chdir(shared_path)
     return program
 
 
 def write(comm, folder, name="scene", levels=LEVELS):
-    """Write a matrix scene of three DOF into a folder of its own; return its path on every rank."""
+    """Write a matrix scene of three DOF into a separate folder; return its path on every rank."""
 
     def files():
         place = folder / name
@@ -156,12 +156,12 @@ def rows(folder):
 
 @pytest.mark.ranks(2, 3)
 @pytest.mark.slow
-def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
+def test_levels_in_groups_equal_those_in_turn(comm, shared_path, program):
     scene = write(comm, shared_path)
     for arguments in (["--out", "turn", "--groups", "1"], ["--out", "side"]):
         status, out, err = program("run", scene, *arguments)
         assert (status, err) == (0, "")
-    assert comm.size == 1 or f"4 levels on {comm.size} groups of 1 rank" in out  # so few pairs go side by side unasked
+    assert comm.size == 1 or f"4 levels on {comm.size} groups of 1 rank" in out  # automatic for so few pairs
     turn, side = (read_results(str(shared_path / name / "results.h5")).levels for name in ("turn", "side"))
     assert [level.level for level in side] == [level.level for level in turn] == LEVELS
     for a, b in zip(turn, side):
@@ -178,7 +178,7 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     assert all(f"level {i + 1} of 4: {level:g} N: " in log for i, level in enumerate(LEVELS)) and log.endswith("done\n")
 
 
-def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm, monkeypatch):
+def test_the_default_number_of_groups_is_that_of_slipping_levels(comm, monkeypatch):
     monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: np.array([2.0, 5.0]) if of.vibrates else None)
 
     def groups(levels, n_pairs=200, n_dof=100_000, vibrates=True):
@@ -191,7 +191,7 @@ def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm, monkeypatch
     assert groups((3.0, 4.0), vibrates=False) == 1 and too_many == (1, 1)
 
 
-def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared_path, program):
+def test_more_groups_than_ranks_are_rejected_before_any_work(comm, shared_path, program):
     scene = write(comm, shared_path)
     status, _, err = program("run", scene, "--out", "out", "--groups", str(comm.size + 1))
     assert status == 2 and err.count("microslip: error: ") == 1 and f"--groups {comm.size + 1}: there " in err
@@ -202,9 +202,9 @@ def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared
 @pytest.mark.parametrize(
     "n_groups", [pytest.param(1, marks=pytest.mark.ranks(1)), pytest.param(2, marks=pytest.mark.ranks(2, 3))]
 )
-def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, program, n_groups):
+def test_a_level_that_ends_early_does_not_affect_the_others(comm, shared_path, program, n_groups):
     scene = write(comm, shared_path, levels=[0.4, 0.02, 0.01])
-    options = PETSc.Options()  # PETSc has started: it reads no more of a command line
+    options = PETSc.Options()  # PETSc has started: it does not read a command line again
     options["hb_snes_max_it"] = 1
     status, _, err = program("run", scene, "--out", "out", "--groups", str(n_groups))
     del options["hb_snes_max_it"]
@@ -230,7 +230,7 @@ def test_a_full_disk_ends_all_groups_with_one_message(comm, shared_path, program
 
 
 @pytest.mark.slow
-def test_scenes_side_by_side(comm, shared_path, program):
+def test_scenes_in_groups(comm, shared_path, program):
     a, b = write(comm, shared_path, "a", [0.2]), write(comm, shared_path, "b", [0.1, 0.05])
     bad = write(comm, shared_path, "bad", [0.1])
     on_root(comm, lambda: (shared_path / "bad" / "K.mtx").write_text("not a matrix\n"))
@@ -241,7 +241,7 @@ def test_scenes_side_by_side(comm, shared_path, program):
     assert comm.size == 1 or [out.count(f"{name}: begun on rank") for name in ("a", "bad", "b")] == [1, 1, 1]
 
 
-def test_an_option_counts_as_read_where_any_rank_has_read_it(comm, shared_path, program, monkeypatch):
+def test_an_option_read_by_any_rank_is_used(comm, shared_path, program, monkeypatch):
     """A group may have had no work."""
     scene, options = write(comm, shared_path, levels=[0.02]), ["-hb_a", "-hb_b"]
     monkeypatch.setattr("microslip.__main__.unused_options", lambda given: options[comm.rank > 0 :])
@@ -249,7 +249,7 @@ def test_an_option_counts_as_read_where_any_rank_has_read_it(comm, shared_path, 
     assert status == 2 and err.count(f"error: {'-hb_a' if comm.size == 1 else '-hb_b'}: no solver of this run reads") == 1
 
 
-def test_scenes_of_one_name_are_refused(comm, shared_path, program):
+def test_scenes_of_the_same_name_are_rejected(comm, shared_path, program):
     a, b = write(comm, shared_path / "x", "a"), write(comm, shared_path / "y", "a")
     status, _, err = program("run", a, b, "--out", "out")
     assert status == 2 and err.count("two scenes are called 'a'") == 1 and not (shared_path / "out").exists()

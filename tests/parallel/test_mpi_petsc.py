@@ -1,11 +1,11 @@
-"""PETSc's own record of the options that were read."""
+"""PETSc's record of the options that were read."""
 
 from petsc4py import PETSc
 
 from microslip.parallel.petsc import unused_options
 
 
-def test_options_that_no_solver_reads_are_found(comm):
+def test_options_that_no_solver_reads_are_listed(comm):
     options = PETSc.Options()
     options["static_ksp_rtol"] = 1e-3
     options["static_ksp_rtoll"] = 1e-3
