@@ -1,4 +1,4 @@
-"""Two groups of harmonics, one complex: full fields, the bound of the truncated modes, and structures that were stored."""
+"""Two harmonic groups, one complex: full fields, the bound of the truncated modes, and restored structures."""
 
 import sys
 from dataclasses import replace
@@ -38,7 +38,7 @@ DAMPING = ModalDamping(ratio=ZETA)
 
 
 class DenseStuck(Structure):
-    """One group by dense algebra, in place of MUMPS."""
+    """One group by dense algebra instead of MUMPS."""
 
     @property
     def rows(self):
@@ -89,7 +89,7 @@ def settings_of(level):
     return ReductionSettings(excitation=Excitation(((1, 0.0),), H), damping=DAMPING, band=band, level=level)
 
 
-def test_the_bound_of_a_group_is_of_its_own_harmonics():
+def test_the_bound_of_a_group_is_that_of_its_harmonics():
     stuck, settings = structures(), settings_of(200.0)
     odd, even = (truncation_bound(stuck.per_group.of_group(d), settings) for d in (1, 0))
     omega_n, phi = Wave.of(1, N).modes()
@@ -97,17 +97,17 @@ def test_the_bound_of_a_group_is_of_its_own_harmonics():
     c = 1.0 / (omega_n**2 - omegas[:, None] ** 2 + 2j * ZETA * omega_n * omegas[:, None])
     terms, static = (OUTPUT @ phi) * (phi.conj().T @ LOAD), 1.0 / omega_n**2
     peak = np.abs((c * terms).sum(axis=1)).max()
-    for kept in range(1, 6):
-        exact = np.abs(((c - static) * terms)[:, kept:].sum(axis=1)).max() / peak
-        assert exact <= 1.02 * odd.direct[kept - 1]
-    assert np.all(even.direct[:-1] == 0.0) and np.all(even.joint[:-1] > 0.0)  # no load acts there, the joint does
+    for n_modes in range(1, 6):
+        exact = np.abs(((c - static) * terms)[:, n_modes:].sum(axis=1)).max() / peak
+        assert exact <= 1.02 * odd.direct[n_modes - 1]
+    assert np.all(even.direct[:-1] == 0.0) and np.all(even.joint[:-1] > 0.0)  # only the joint acts in these harmonics
     assert np.all(np.diff(odd.joint) <= 0.0) and np.all(np.diff(even.joint) <= 0.0)
     assert truncation_bound(stuck.per_group.of_group(0), settings_of(1e-3)).joint.max() == 0.0  # nothing slips
 
 
 @pytest.mark.parametrize("d", (0, 1))
 def test_each_group_is_stored_and_restored(d):
-    """Alone, as the parts of a disc."""
+    """Stored separately, as the parts of a disc."""
     stuck = stuck_of(d, boxes_in_contact())
     restored = structure_of(*to_arrays(stuck), None, COMM, stuck.factored)
     is_complex = d == 1

@@ -1,4 +1,4 @@
-"""`accuracy`: the bound of what the truncated modes change, and the modes picked by it."""
+"""`accuracy`: the bound of the effect of truncated modes, and the modes selected by it."""
 
 import numpy as np
 import pytest
@@ -80,7 +80,7 @@ def all_modes(path):
     return scene, StuckStructure.of(linearised, pairs, static_response(linearised), lowest_modes(linearised, system.n_dof))
 
 
-def test_gains_cover_every_mode_left_out():
+def test_gains_bound_every_truncated_mode():
     omega_n, zeta = np.array([10.0, 12.0, 30.0, 31.0, 80.0]), np.array([0.01, 0.2, 0.01, 0.3, 0.05])
     family = DampedModes(omega_n, Damping(2.0 * zeta * omega_n), *np.zeros((3, 0, 0)))
     for omega in np.linspace(0.1, 60.0, 400):
@@ -114,7 +114,7 @@ def test_residual_norms_are_sums_over_the_truncated_modes(shared_path):
     [(40, None, (1e-1, 1e-3)), pytest.param(40, 1e-4, (1e-1, 1e-2), marks=pytest.mark.ranks(1))],
     ids=["modal", "full"],
 )
-def test_the_true_error_stays_within_what_was_asked(shared_path, n, damping, asked_for):
+def test_the_true_error_is_within_the_requested_accuracy(shared_path, n, damping, asked_for):
     def curves(**solver):
         path = written(shared_path, chain(n, damping), points=8, **solver)
         return comm.bcast(np.array([[point.response for point in requested(branch)] for branch in branches_of(path, comm)]))
@@ -131,8 +131,8 @@ def test_the_true_error_stays_within_what_was_asked(shared_path, n, damping, ask
     assert sorted(set(values)) == values and values[-1] < n
 
 
-def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path):
-    """450 DOFs: SLEPc finds 16, 32, ... modes, and a count proves those kept."""
+def test_batches_grow_until_the_bound_is_met_without_missing_modes(shared_path):
+    """450 DOFs: SLEPc computes 16, 32, ... modes, and a count verifies the selected modes."""
     structure, line = structure_of(written(shared_path, chain(450), accuracy=1e-5))
     n_modes = len(structure.modes.omega_n)
     assert 16 < n_modes < 64 and not structure.modes.info["complete"] and "modes below" in structure.modes.info["proof"]
@@ -163,7 +163,7 @@ def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.ranks(1)
 def test_a_resonance_without_damping_gives_no_warnings(shared_path):
-    """Without a stated accuracy it is allowed: friction may hold what damping does not."""
+    """Permitted without a stated accuracy: friction may limit a motion that damping does not."""
     system = chain(450) | {"zeta": 0.0, "M": sp.identity(450, format="csc")}
     on_root(comm, lambda: write_matrix_scene(shared_path, system, [1.0], [3.0, 5.0], outputs=[449], points=30), share=False)
     structure, line = structure_of(shared_path / "scene.toml")
@@ -173,7 +173,7 @@ def test_a_resonance_without_damping_gives_no_warnings(shared_path):
 
 
 @pytest.mark.ranks(1, 2)
-def test_an_accuracy_of_a_resonance_without_damping_is_refused(shared_path):
+def test_an_accuracy_of_a_resonance_without_damping_is_rejected(shared_path):
     """Its linear peak is infinite, so that no number of modes has a bound."""
     system = chain(450) | {"zeta": 0.0, "M": sp.identity(450, format="csc")}
     on_root(
@@ -186,13 +186,13 @@ def test_an_accuracy_of_a_resonance_without_damping_is_refused(shared_path):
 
 
 @pytest.mark.ranks(1, 2, 3)
-def test_a_small_structure_keeps_all_of_its_modes(shared_path):
+def test_a_small_structure_has_all_of_its_modes(shared_path):
     structure, line = structure_of(written(shared_path, chain(20)))
     assert len(structure.modes.omega_n) == 20 and line == "modes: all 20 there are"
     structure.linearised.destroy()
 
 
-def test_too_many_modes_are_refused_with_file_and_key():
+def test_too_many_modes_are_rejected_with_file_and_key():
     for n_modes, n_dof in ((None, 5), (5, 5), (4000, 4000), (1333, 4001)):
         refuse_too_many(n_modes, n_dof, "fan.toml")
     assert [most_modes(n) for n in (7, 4000, 4001, 30_000)] == [7, 4000, 1333, 10_000]

@@ -1,4 +1,4 @@
-"""Damping by mode and structural damping against direct complex solutions, by every method; on one rank and on several."""
+"""Modal and structural damping compared with direct complex solutions, by every method; on one rank and on several."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ METHODS = {
 
 
 def ratios(kind: str) -> np.ndarray:
-    """The ratios of the kinds above, mode by mode, as the guide states them."""
+    """Return the ratios of the kinds above, mode by mode, as stated in the guide."""
     computed = {"ratios": np.full(N_DOF, 0.05), "ratios and others": np.full(N_DOF, 0.3), "modes": np.full(N_DOF, 0.01)}.get(kind)
     if computed is None:
         return np.full(N_DOF, 0.01 if kind == "structural and ratio" else 0.0)
@@ -51,7 +51,7 @@ def ratios(kind: str) -> np.ndarray:
 
 
 def dynamic_stiffness(structure, kind: str, omega: float, n: int) -> np.ndarray:
-    """Z_n of the stuck structure, (n_dof, n_dof): the joints' springs have no structural damping.  Collective."""
+    """Return Z_n of the stuck structure, (n_dof, n_dof), without structural damping of the joints' springs.  Collective."""
     K, M, K_J = dense(structure)
     R = structure.linearised.system.R.toarray()
     K_L = K + R.T @ K_J @ R
@@ -81,7 +81,7 @@ def test_every_method_meets_a_direct_solution(comm, shared_path, kind):
 
 
 def test_one_mass_on_a_lossy_spring(comm, shared_path):
-    """Amplitude F / |k (1 + i eta) - m omega^2| and loss pi eta k a^2 a cycle, at any frequency."""
+    """Amplitude F / |k (1 + i eta) - m omega^2| and loss pi eta k a^2 per cycle, at any frequency."""
     k, m, eta, level = 100.0, 4.0, 0.1, 2.0
     system = {
         "K": np.array([[k]]),
@@ -137,7 +137,7 @@ def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_pat
 
 @pytest.mark.parametrize("n_modes", [4, 10])
 @pytest.mark.ranks(1)
-def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
+def test_the_bound_covers_the_effect_of_truncated_modes(comm, shared_path, n_modes):
     """The static part of the truncated modes has no structural damping, and the springs of the joint couple them to the others."""
     scene = scene_with(comm, shared_path, damping="structural = 0.05", **COARSE)
     with microslip.build(scene, comm) as structure:
@@ -153,8 +153,8 @@ def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_modes", [6, pytest.param(12, marks=pytest.mark.ranks(1))])
-def test_error_bars_know_of_it(comm, shared_path, n_modes):
-    """About the resonance, where all pairs stick: what a few modes miss of all modes lies within the bar, and not far within."""
+def test_error_bars_include_truncated_modes_with_structural_damping(comm, shared_path, n_modes):
+    """Near the resonance, where all pairs stick: the truncation error lies within the error bar, and not far within."""
     few, every = (
         scene_with(comm, shared_path, damping="structural = 0.05", **(COARSE | {"modes": m}), name=f"{m}")
         for m in (n_modes, N_DOF)
@@ -165,7 +165,7 @@ def test_error_bars_know_of_it(comm, shared_path, n_modes):
             if not values:
                 at = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.0, 1.05)]
             values.append(microslip.respond(structure, levels=[1e-3], at=at, points=3))
-    a, b = (one["corner"] for one in values)
+    a, b = (response["corner"] for response in values)
     chosen = np.flatnonzero(values[0].results.levels[0].requested)
     exact = np.flatnonzero(values[1].results.levels[0].requested)
     missed = np.abs(a.harmonic(1)[0, chosen] - b.harmonic(1)[0, exact])
@@ -196,5 +196,5 @@ def test_bad_input(comm, shared_path, damping):
 @pytest.mark.ranks(1)
 def test_structural_damping_has_no_equivalent_in_time(program, comm, shared_path):
     scene = scene_with(comm, shared_path, damping="structural = 0.01")
-    status, _, said = program("verify", scene.path, "--out", shared_path / "out")
-    assert status == 2 and "[damping] structural: a loss factor is defined for steady vibration alone" in said
+    status, _, messages = program("verify", scene.path, "--out", shared_path / "out")
+    assert status == 2 and "[damping] structural: a loss factor is defined for steady vibration alone" in messages

@@ -1,4 +1,4 @@
-"""Every reduction method against the unreduced structure, on any number of ranks."""
+"""Every reduction method compared with the unreduced structure, on any number of ranks."""
 
 from dataclasses import replace
 
@@ -44,13 +44,13 @@ def model_of(scene, reduction):
 
 
 def matrices(structure):
-    """K_L and M as arrays on every rank."""
+    """Return K_L and M as arrays on every rank."""
     return tuple(structure.linearised.system.comm.bcast(gathered(A)) for A in (structure.linearised.K_L, structure.linearised.M))
 
 
 @pytest.fixture(scope="module")
 def whole(comm, tmp_path_factory):
-    """The bar with every mode computed."""
+    """Return the bar with every mode computed."""
     scene, structure = bar(comm, comm.bcast(tmp_path_factory.mktemp("bar")), modes=N_DOF, method="full")
     yield scene, structure
     structure.linearised.destroy()
@@ -75,7 +75,7 @@ def reference(whole):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["receptance", *BASES])
-def test_with_all_modes_every_method_meets_full(whole, reference, method):
+def test_every_method_with_all_modes_agrees_with_full(whole, reference, method):
     scene, structure = whole
     omegas, _, exact = reference
     reduction = reduced(scene, structure, method, **BASES.get(method, {}), interface_modes=3 * N_PAIRS)
@@ -97,7 +97,7 @@ def oracle():
 @pytest.mark.slow
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("method", METHODS)
-def test_on_the_chain_as_dense_harmonic_balance_in_all_coordinates(comm, shared_path, oracle, method):
+def test_every_method_agrees_with_dense_harmonic_balance_of_the_chain(comm, shared_path, oracle, method):
     system, (level, omega) = scenes.chain(), (10.0, 560.0)
     scene, structure = stuck(
         comm,
@@ -121,7 +121,7 @@ def test_on_the_chain_as_dense_harmonic_balance_in_all_coordinates(comm, shared_
 
 
 def with_dampers():
-    """The chain with dampers from the first mass to the ground and between the others: they couple the modes."""
+    """Return the chain with dampers from the first mass to the ground and between the others: they couple the modes."""
     system = scenes.chain()
     del system["zeta"]
     link = np.kron([[0.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 1.0]], np.diag([40.0, 15.0, 30.0]))
@@ -129,7 +129,7 @@ def with_dampers():
 
 
 def without_some_mass():
-    """The chain with a direction of the second mass and one of the third that follow their springs alone."""
+    """Return the chain with a massless direction of the second mass and one of the third."""
     system = scenes.chain()
     del system["zeta"]
     mass = np.diag(system["M"]).copy()
@@ -154,7 +154,7 @@ def test_a_damping_matrix_and_motions_without_mass(comm, shared_path, system):
     structure.linearised.destroy()
 
 
-def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_condensation(whole):
+def test_unknowns_are_counted_before_condensation(whole):
     scene, structure = whole
     for method, n in {"full": N_DOF, "rubin": N_DOF + 6 * N_PAIRS + 1, "rubin, condensed": N_DOF + 3 * N_PAIRS + 1}.items():
         reduction = reduced(scene, structure, method, **BASES.get(method, {}))
@@ -169,7 +169,7 @@ def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_c
 
 @pytest.mark.parametrize("damping, bound", [("rayleigh = [30.0, 1e-7]", 1e-11), ("ratio = 0.01", 3e-7)])
 def test_full_by_its_krylov_space_is_the_inverse_of_the_dynamic_stiffness(comm, shared_path, monkeypatch, damping, bound):
-    """Rayleigh damping exactly; a ratio up to what the Ritz vectors make of the modes beyond."""
+    """Exact for Rayleigh damping; for a ratio accurate to the Ritz vectors that represent the truncated modes."""
     monkeypatch.setattr(full, "ALL_MODES", 0)
     scene, structure = bar(comm, shared_path, damping, divisions=(5, 2, 4), method="full", modes=20, harmonics=1)
     K_L, M = matrices(structure)
@@ -203,7 +203,7 @@ def test_full_expands_to_the_same_field_as_receptance(whole, reference):
     )
 
 
-def test_full_beyond_the_memory_is_refused_with_the_estimate(comm, shared_path, monkeypatch):
+def test_full_beyond_the_memory_is_rejected_with_the_estimate(comm, shared_path, monkeypatch):
     monkeypatch.setattr(full, "memory_left", lambda comm: 1e5)
     with pytest.raises(CaseError, match=r'bar\.toml: \[solver\] method = "full" needs about .* GB for .* columns of 135 DOF'):
         bar(comm, shared_path, method="full")
@@ -243,7 +243,7 @@ def test_a_floating_body_has_six_rigid_body_modes_and_attachment_modes_orthogona
     M_Z = multiply(system.M, Z)
     sizes = np.sqrt(np.diag(gram(comm, Z, M_Z)))
     assert np.abs(gram(comm, free.phi_owned, M_Z)).max() < 1e-10 * sizes.max()
-    first, last = system.K.getOwnershipRange()  # K Z is the load less what the modes take of it
+    first, last = system.K.getOwnershipRange()  # K Z is the load less its part on the modes
     balanced = system.R.T.toarray()[first:last] - multiply(system.M, free.phi_owned) @ gram(
         comm, free.phi_owned, system.R.T.toarray()[first:last]
     )
@@ -252,7 +252,7 @@ def test_a_floating_body_has_six_rigid_body_modes_and_attachment_modes_orthogona
     structure.linearised.destroy()
 
 
-def test_fewer_modes_than_rigid_body_modes_are_refused(comm, shared_path):
+def test_fewer_modes_than_rigid_body_modes_are_rejected(comm, shared_path):
     scene, structure = bar(comm, shared_path, method="rubin", modes=4)
     for method in ("rubin", "rubin, condensed"):
         with pytest.raises(CaseError, match=r"bar\.toml: \[solver\] modes = 4: .* 6 rigid-body modes, .* state 6 modes at least"):
@@ -282,7 +282,7 @@ def test_every_method_has_the_linear_response_of_a_structure_without_joints(comm
 
 
 @pytest.mark.ranks(1, 2)
-def test_few_shapes_of_the_joint_make_a_small_model_that_more_shapes_improve(whole, reference):
+def test_more_shapes_of_the_joint_improve_a_small_model(whole, reference):
     scene, structure = whole
     omegas, of_full, _ = reference
     best = model_of(scene, of_full)
