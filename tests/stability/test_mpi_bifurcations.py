@@ -26,7 +26,7 @@ FURTHER = (15, 512, 3e-3), (31, 1024, 6e-4)
 
 @pytest.fixture(scope="module")
 def curve():
-    """Return the curve of a mass before a stop, with multipliers, its bifurcations and its system."""
+    """Return the curve of a mass with a stop, with multipliers, its bifurcations and its system."""
     system = scenes.gap_mass()
     loads = [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]
     system = system | {"loads": loads}
@@ -47,7 +47,7 @@ def test_folds_are_where_the_frequency_turns(curve):
     assert len(folds) == 2
     for fold in folds:
         i = fold.after
-        assert abs(fold.multiplier - 1.0) < 0.07  # of few harmonics
+        assert abs(fold.multiplier - 1.0) < 0.07  # few harmonics
         assert fold.within <= 1e-9 * fold.omega
         is_maximum = omega[i] > omega[i - 1]
         beyond = omega[i - 1 : i + 3].max() - fold.omega if is_maximum else fold.omega - omega[i - 1 : i + 3].min()
@@ -59,10 +59,10 @@ def test_folds_are_where_the_frequency_turns(curve):
     ("harmonics", "samples", "most"),
     [(3, 128, 9e-2), (7, 256, 1.2e-2), *(pytest.param(*of, marks=pytest.mark.study) for of in FURTHER)],
 )
-def test_the_multiplier_at_a_fold_comes_to_1_with_the_harmonics(harmonics, samples, most):
-    """Of the fold of the truncated equations: at both folds of jobs/stop.toml, also from below.
+def test_the_multiplier_at_a_fold_converges_to_1_with_the_harmonics(harmonics, samples, most):
+    """The multiplier at the fold of the truncated equations, for both folds of jobs/stop.toml, also from below.
 
-    Between them the motion is unstable: points that seem stable, because harmonics are few, have a note.
+    Between them the motion is unstable: points that appear stable with few harmonics have a note.
     """
     with microslip.build(microslip.read(SCENE), COMM) as structure:
         keys = {"frequencies": (0.18, 0.21), "levels": [0.2], "stability": True, "points": 12}
@@ -88,7 +88,7 @@ def test_the_curve_is_unstable_between_its_folds(curve):
 
 
 @pytest.mark.ranks(1)
-def test_it_is_judged_as_an_independent_integration_judges(curve):
+def test_stability_agrees_with_an_independent_integration(curve):
     system, followed, _ = curve
     if COMM.rank != 0:
         return
@@ -102,13 +102,13 @@ def test_it_is_judged_as_an_independent_integration_judges(curve):
         p_t = -system["k_t"][0] * (u[:, 0] + u[:, 1::2].sum(axis=1))[:2]
         steady = shooting.steady(np.concatenate([begin, rate, p_t]), 1024)
         largest = np.abs(np.linalg.eigvals(shooting.derivative(steady.x, 1024) + np.eye(len(steady.x)))).max()
-        assert shooting.forgets(steady.x, 1024, np.random.default_rng(0)) == (largest < 1.0)  # also where another motion is near
+        assert shooting.forgets(steady.x, 1024, np.random.default_rng(0)) == (largest < 1.0)  # also if another motion is near
         if abs(largest - 1.0) > 0.05 and abs(steady.amplitude) == pytest.approx(np.hypot(*point.response[0, 1:3]), rel=0.03):
             assert (largest < 1.0) == is_stable(point.multipliers), point.omega
             judged += 1
     assert judged >= 4
 
 
-def test_kinds():
+def test_kinds_of_bifurcations():
     assert kind_of(-1.0 + 1e-9j) == PERIOD_DOUBLING
     assert kind_of(0.6 + 0.8j) == NEIMARK_SACKER

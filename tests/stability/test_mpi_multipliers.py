@@ -1,4 +1,4 @@
-"""Floquet multipliers against exact ones and differences of integrated maps; every test runs on any number of ranks."""
+"""Floquet multipliers compared with exact values and differences of integrated maps; on any number of ranks."""
 
 import numpy as np
 import pytest
@@ -44,14 +44,14 @@ def one_mass(**damping):
 def test_a_jenkins_oscillator_that_slips_in_every_cycle():
     """0.34687 +- 0.27507 i, by differences of the map integrated with DOP853 (1e-13) from event to event.
 
-    Tangents of the moment instead of the slider's memory say 1.76.
+    Tangents at the instant without the slider's memory give 1.76.
     """
     _, multipliers = at_point(one_mass(C=np.array([[0.02]])), 0.8, 1.25)
     assert multipliers.n_neutral == 0
     exact = 0.34687006 + 0.27506631j
     assert multipliers.values[:2] == pytest.approx(np.array([exact, exact.conjugate()]), abs=2.5e-4)
     assert multipliers.values[0] == pytest.approx(0.34678 + 0.27561j, abs=1e-3)  # the reference of the formulation
-    assert np.abs(multipliers.values[2:]).max() < 1e-9  # a slider that slips in each cycle forgets
+    assert np.abs(multipliers.values[2:]).max() < 1e-9  # a slider that slips in each cycle loses its initial state
 
 
 def test_a_slider_that_never_slips_is_neutral():
@@ -62,7 +62,7 @@ def test_a_slider_that_never_slips_is_neutral():
 
 
 @pytest.mark.parametrize("name, regime", [("spatial", "lift-off"), pytest.param("chain", "gross", marks=pytest.mark.ranks(1))])
-def test_multipliers_are_those_of_the_map_of_an_independent_integration(name, regime):
+def test_multipliers_agree_with_the_map_of_an_independent_integration(name, regime):
     system = scenes.SCENES[name]()
     level, omega, _ = system["levels"][regime]
     _, multipliers = at_point(system, level, omega, H=9, n_samples=128)
@@ -77,24 +77,28 @@ def test_multipliers_are_those_of_the_map_of_an_independent_integration(name, re
 
 
 def test_sliders_that_the_modes_do_not_excite_have_multipliers():
-    """Of 80 pairs with much memory, four that no mode moves hardly slip: just below 1 across their slip, by the matrix of the map."""
-    n, alone, m = 80, 4, 3
+    """Four of 80 pairs with memory have no modal motion and slip little: their multipliers are just below 1."""
+    n, n_not_excited, m = 80, 4, 3
     law = ElasticCoulomb(*np.ones((4, n)), np.zeros(n, dtype=bool))
     U, R_phi = np.zeros((n, 3, 3)), 0.05 * np.random.default_rng(1).standard_normal((3 * n, m))
     U[:, 0, 1], U[:, 1, 2] = 3.0, 2.0
-    U[-alone:, 0, 1], U[-alone:, 1, 2], R_phi[-3 * alone :] = 1.0 + 0.01 * np.arange(1, 1 + alone), 0.0, 0.0
+    U[-n_not_excited:, 0, 1], U[-n_not_excited:, 1, 2], R_phi[-3 * n_not_excited :] = (
+        1.0 + 0.01 * np.arange(1, 1 + n_not_excited),
+        0.0,
+        0.0,
+    )
     contact = contact_variation(law, np.arange(n), U, Harmonics.up_to(1), 32, 4)
     cycle = CycleMap(1.0, np.array([0.7, 1.3, 2.1]), Damping(np.full(m, 0.3)), R_phi, 0.3 * np.eye(3 * n), contact)
     unit = np.eye(2 * m + cycle.n_memory)
     x, memory = cycle.apply(unit[: 2 * m].reshape(2, m, -1), unit[2 * m :])
     exact = np.linalg.eigvals(np.vstack([x.reshape(2 * m, -1), memory]))
     exact = np.sort(np.abs(exact))[::-1]
-    assert (0.8 < exact[1 : 1 + alone]).all() and exact[2 + alone] < 0.5
+    assert (0.8 < exact[1 : 1 + n_not_excited]).all() and exact[2 + n_not_excited] < 0.5
     assert np.abs(cycle.multipliers()) == pytest.approx(exact[:6], abs=1e-6)
 
 
 class Cubic:
-    """A spring of force k x^3 beside the pairs: no memory, smooth.  Its cycle says which pairs have it."""
+    """A spring of force k x^3 parallel to the pairs, without memory.  Its cycle returns which pairs have it."""
 
     n_memory, order, elements_order = 0, 2, 0
 
@@ -120,7 +124,7 @@ class Cubic:
         return rate
 
 
-def test_duffing_to_1e_7():
+def test_multipliers_of_duffings_equation_to_1e_7():
     """x'' + 0.1 x' + x + 0.2 x^3 = 3 cos 0.8 t: 0.4642564, 0.9820826."""
     harmonics = Harmonics.up_to(25)
     system = one_mass(C=np.array([[0.1]])) | {"k_t": np.zeros(1)}
@@ -150,13 +154,13 @@ def test_duffing_to_1e_7():
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("n_within", [7, 8])
-def test_a_slider_that_sticks_from_contact_on(n_within):
-    """The pair is open while 2 cos t > 1; at contact the slider stands where the pair is, at an instant that shifts with du_z."""
+def test_map_of_a_slider_that_sticks_after_contact(n_within):
+    """The pair is open while 2 cos t > 1; at contact the slider is where the pair is, at an instant that shifts with du_z."""
     U = np.zeros((1, 3, 3))
     U[0, 0, 2], U[0, 2, 1] = 0.5, 2.0
     law = ElasticCoulomb(*np.ones((4, 1)), np.zeros(1, dtype=bool))
     contact = contact_variation(law, np.arange(1), U, Harmonics.up_to(1), 128, n_within)
-    p_t = np.zeros((2, 3))  # by a constant change of each component of the motion
+    p_t = np.zeros((2, 3))  # for a constant change of each component of the motion
     for step in range(64):
         motion = contact.by_first[step, 0, 0] + contact.by_last[step, 0, 0]
         p_t = contact.by_memory[step, 0, 0] @ p_t + motion
