@@ -1,4 +1,4 @@
-"""The model for time integration: the same on any number of ranks, made by blocks, and refused where memory is short."""
+"""The model for time integration: equal on any number of ranks, computed by blocks, and rejected if memory is short."""
 
 import numpy as np
 import pytest
@@ -32,24 +32,24 @@ def period_of(model):
 
 
 @pytest.mark.parametrize("n_rows", [1, 4, 512])
-def test_g_is_what_is_left_of_statics_beside_the_modes(monkeypatch, n_rows):
+def test_g_is_the_static_flexibility_without_the_modes(monkeypatch, n_rows):
     system = system_of("chain")
     monkeypatch.setattr(transient_model, "_BLOCK", n_rows)
     model = transient_model.transient_model(*reduced(system, COMM, 3, 2))
     whole = np.linalg.inv(system["K"] + system["R"].T @ (model.law.springs.ravel()[:, None] * system["R"]))
-    known = system["R"] @ whole @ system["R"].T - model.modes.R_phi @ np.diag(model.modes.omega_n**-2.0) @ model.modes.R_phi.T
-    assert known == pytest.approx(model.G, abs=1e-12 * np.abs(known).max())
+    expected = system["R"] @ whole @ system["R"].T - model.modes.R_phi @ np.diag(model.modes.omega_n**-2.0) @ model.modes.R_phi.T
+    assert expected == pytest.approx(model.G, abs=1e-12 * np.abs(expected).max())
 
 
 def test_a_march_by_blocks_of_rows_is_the_same(monkeypatch):
     model = transient_model.transient_model(*reduced(system_of("chain"), COMM, 3, 2))
-    known = period_of(model)
+    expected = period_of(model)
     monkeypatch.setattr(march, "_BLOCK", 2)
-    assert np.count_nonzero(known.any(axis=(0, 1))) > 2
-    assert period_of(model) == pytest.approx(known, abs=1e-9 * np.abs(known).max())
+    assert np.count_nonzero(expected.any(axis=(0, 1))) > 2
+    assert period_of(model) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
-def test_what_does_not_fit_is_refused_before_a_column_is_solved_for(monkeypatch):
+def test_a_model_beyond_the_memory_is_rejected_before_any_solve(monkeypatch):
     model, law = reduced(system_of("chain"), COMM, 3)
     monkeypatch.setattr(transient_model, "_CHECKED_FROM", 0.0)
     needed, left = 72.0 * model.n_pairs**2 * (2 if COMM.size == 1 else 4), 0.0

@@ -39,10 +39,10 @@ def test_the_spectral_radius_falls_from_one_to_rho(rho):
     assert max(radii) <= 1.0 + 1e-12
     assert np.abs(step_factors(1e9, rho)) == pytest.approx(rho, abs=1e-4)
     assert np.all(np.diff(radii) < 1e-12)
-    assert 1.0 - radii[0] < 0.1 * 0.01**3 * 4.0  # what is resolved loses of the order of the angle's cube
+    assert 1.0 - radii[0] < 0.1 * 0.01**3 * 4.0  # the loss of a resolved motion is of the order of the angle's cube
 
 
-def test_a_fitted_step_has_exactly_its_number_of_steps_a_period():
+def test_a_fitted_step_has_exactly_its_number_of_steps_per_period():
     for n_steps, rho in ((16, 0.5), (128, 0.9), (512, 0.9)):
         angle = fitted_angle(n_steps, rho)
         assert n_steps * step_angle(angle, rho) == pytest.approx(2.0 * np.pi, rel=1e-12)

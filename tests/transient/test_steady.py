@@ -26,7 +26,7 @@ def system_of(name):
 
 
 def marched(system, omega, level, n_steps, accelerated=True, tolerance=1e-8, n_modes=None, most=400):
-    """Return model, omega, level and the steady state found from rest."""
+    """Return model, omega, level and the steady state reached from rest."""
     model, parameters = reduced(system, COMM, 3, n_modes)
     transient = transient_model(model, parameters)
     omega, level = np.atleast_1d(omega).astype(float), np.full(np.size(omega), float(level))
@@ -36,23 +36,25 @@ def marched(system, omega, level, n_steps, accelerated=True, tolerance=1e-8, n_m
 
 
 def output(transient, level, computed, H=15):
-    omega = np.ones_like(level)  # of no importance: supports hold the structures
+    omega = np.ones_like(level)  # without effect: the structures have supports
     return coefficients(samples(transient, omega, level, computed.cycle)[1], H)[:, 0]
 
 
-def test_the_jenkins_mass_comes_to_its_exact_steady_state_at_second_order():
+def test_the_jenkins_mass_converges_to_its_exact_steady_state_at_second_order():
     omegas, errors = np.array([1.16, 1.25, 1.4]), []
-    known = np.array([exact.jenkins_steady_state(w, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(15) for w in omegas])
+    expected = np.array(
+        [exact.jenkins_steady_state(w, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(15) for w in omegas]
+    )
     for n_steps in (32, 128):
         transient, _, level, steady = marched(system_of("jenkins"), omegas, 0.8, n_steps, tolerance=1e-6)
-        errors.append(np.abs(output(transient, level, steady) - known).max() / np.abs(known).max())
+        errors.append(np.abs(output(transient, level, steady) - expected).max() / np.abs(expected).max())
     assert errors[1] < 2e-3
     assert np.log2(errors[0] / errors[1]) / 2.0 == pytest.approx(2.0, abs=0.5)
 
 
 @pytest.mark.parametrize("name, level, omega", [("spatial", 0.4, 1.3), ("spatial", 1.2, 1.2), ("chain", 100.0, 560.0)])
-def test_it_meets_the_march_of_the_unreduced_system(name, level, omega):
-    """Another scheme, all coordinates, contact condensed another way; the same steps, so that the law is sampled alike."""
+def test_the_steady_state_agrees_with_the_march_of_the_unreduced_system(name, level, omega):
+    """Another scheme, all coordinates, another condensation of contact; the same steps, so that the law is sampled equally."""
     system = system_of(name)
     transient, _, levels, steady = marched(system, omega, level, 64, tolerance=1e-6)
     other = time_integration.steady_state(
@@ -64,7 +66,7 @@ def test_it_meets_the_march_of_the_unreduced_system(name, level, omega):
 
 
 @pytest.mark.parametrize("name, level, omega", [("jenkins", 0.8, 1.2), ("spatial", 0.4, 1.3)])
-def test_what_goes_in_is_lost_by_damping_and_friction(name, level, omega):
+def test_the_work_of_the_load_is_lost_by_damping_and_friction(name, level, omega):
     closures = []
     for n_steps in (64, 128):
         transient, omegas, levels, steady = marched(system_of(name), omega, level, n_steps)
@@ -74,8 +76,8 @@ def test_what_goes_in_is_lost_by_damping_and_friction(name, level, omega):
     assert closures[1] < 5e-3 and closures[1] < 0.6 * closures[0]
 
 
-def test_acceleration_comes_where_time_alone_comes_to():
-    """Both start at rest; the mass slips in every cycle and forgets how it came there."""
+def test_accelerated_and_plain_integration_have_the_same_steady_state():
+    """Both start at rest; the mass slips in every cycle, which removes the initial state."""
     system = system_of("spatial")
     transient, _, level, quick = marched(system, [1.3, 1.6], 0.6, 32)
     _, _, _, slow = marched(system, [1.3, 1.6], 0.6, 32, accelerated=False)
@@ -83,7 +85,7 @@ def test_acceleration_comes_where_time_alone_comes_to():
     assert quick.periods.max() < 0.5 * slow.periods.min()
 
 
-def test_the_period_found_repeats_itself():
+def test_the_steady_period_repeats():
     transient, omega, level, steady = marched(system_of("spatial"), [1.3, 1.6], 0.6, 32)
     march = March(transient, omega, level, 32)
     z, p, cycle = march.period(steady.start.z, steady.start.p)
@@ -94,14 +96,14 @@ def test_the_period_found_repeats_itself():
 
 
 @pytest.mark.parametrize("n_modes", [2, None])
-def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
-    """The same reduced model, with truncated modes or not, and the law at as many instants: the harmonics left out are what differs."""
+def test_harmonic_balance_converges_to_the_steady_state_with_more_harmonics(n_modes):
+    """The same reduced model, with or without truncated modes, and the same samples: the difference is due to harmonics."""
     system, omega, level, values = {**system_of("chain"), "sampled": True}, 560.0, 20.0, []
     for H in (1, 3, 9):
         points = branch(
             system, COMM, level, low=550.0, high=570.0, H=H, n_samples=128, at=(omega,), points=4, n_modes=n_modes
         ).points
-        (point,) = (one for one in points if one.requested)
+        (point,) = (harmonics for harmonics in points if harmonics.requested)
         values.append(point.response[0, 1:3])
     model, parameters = reduced(system, COMM, H, n_modes)
     transient = transient_model(model, parameters)
@@ -109,7 +111,7 @@ def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
     (eta,) = modal_motion(model, level, omega, point.p.reshape(-1, 2 * H + 1))
     start = from_harmonics(transient, omegas, to_real(eta, 2 * H + 1)[None], point.U[None], 128)
     mine = output(transient, levels, steady_state(March(transient, omegas, levels, 128), start, 1e-6, 60))[0, 1:3]
-    differences = [np.hypot(*(mine - one)) / np.hypot(*mine) for one in values]
+    differences = [np.hypot(*(mine - harmonics)) / np.hypot(*mine) for harmonics in values]
     assert differences[2] < 2e-3 and differences[2] < 0.5 * differences[1] < 0.5 * differences[0]
 
 
@@ -119,13 +121,13 @@ def test_the_linear_response_is_exact():
     model, _ = reduced(system, COMM, 3)
     none = np.zeros((3 * model.n_pairs, model.N_H))
     for i, w in enumerate(omega):
-        known = output_motion(model, 0.01, w, none)[0]
-        assert output(transient, level, steady, 3)[i] == pytest.approx(known, abs=5e-4 * np.abs(known).max())
+        expected = output_motion(model, 0.01, w, none)[0]
+        assert output(transient, level, steady, 3)[i] == pytest.approx(expected, abs=5e-4 * np.abs(expected).max())
     assert steady.periods.max() == 2 and not steady.cycle.p.any()
 
 
 def on_stops(open_at_rest):
-    """A block between two pairs that are closed and two stops beside them that are open at rest."""
+    """Return a block between two closed pairs and two stops that are open at rest."""
     m, k = np.diag([1.0, 1.0, 1.0, 0.3, 0.2, 0.4]), np.diag([0.5, 0.4, 0.6, 0.8, 0.9, 0.7])
     k[:3, 3:] = k[3:, :3] = -0.1 * np.eye(3)
     return scenes.make_system(
@@ -146,8 +148,8 @@ def on_stops(open_at_rest):
 
 
 @pytest.mark.study
-def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
-    """The same structure twice: what the springs of an open pair add to K_L the law takes away again; damping is that of a matrix."""
+def test_pairs_without_springs_have_the_motion_of_those_with_springs():
+    """The same structure twice: the law removes the springs of an open pair from K_L; damping is that of a matrix."""
     values = []
     for open_at_rest in (False, True):
         system = on_stops(open_at_rest)
@@ -157,8 +159,8 @@ def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
     assert values[0] == pytest.approx(values[1], abs=1e-5 * np.abs(values[0]).max())
 
 
-def test_a_motion_without_inertia_is_named_where_a_step_fails():
-    """A block that hangs on its pair alone, by two of its three modes."""
+def test_a_failed_step_names_a_motion_without_inertia():
+    """A block supported only by its pair, by two of its three modes."""
     system = scenes.make_system(
         "hung",
         np.diag([1.0, 2.0, 3.0]),
