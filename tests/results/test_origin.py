@@ -53,7 +53,7 @@ def kept(tmp_path) -> ResultFile:
     return read_results(str(tmp_path / "results" / "results.h5"))
 
 
-def test_what_is_written_is_read(kept, tmp_path):
+def test_written_files_are_read(kept, tmp_path):
     assert kept.n_dof == 9693 and kept.origin is not None
     assert kept.origin.n_ranks == 3 and kept.origin.settings == ('title="<b>"',)
     assert kept.origin.inputs[0].size == 6 and kept.origin.inputs[1].key == "values"

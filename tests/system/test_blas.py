@@ -1,4 +1,4 @@
-"""OpenBLAS' kernels: named by the vectors of the processor, before NumPy loads the library."""
+"""OpenBLAS' kernels: selected by the vectors of the processor, before NumPy loads the library."""
 
 import os
 import subprocess
@@ -28,7 +28,7 @@ def test_kernels_are_those_of_the_longest_vectors(vendor, flags, kernels):
     assert blas.kernels_of(f"processor\t: 0\nvendor_id\t: {vendor}\nflags\t\t: fpu {flags} sse2\n") == kernels
 
 
-def test_another_processor_or_system_is_left_to_openblas(monkeypatch, tmp_path):
+def test_other_processors_and_systems_use_the_default_of_openblas(monkeypatch, tmp_path):
     assert blas.kernels_of("processor\t: 0\nFeatures\t: fp asimd\n") == blas.kernels_of("") == ""
     monkeypatch.setattr(blas, "_PROCESSOR", str(tmp_path / "missing"))
     monkeypatch.delenv("OPENBLAS_CORETYPE", raising=False)
@@ -39,7 +39,7 @@ def test_another_processor_or_system_is_left_to_openblas(monkeypatch, tmp_path):
     assert os.environ["OPENBLAS_CORETYPE"] == "Haswell", "nothing is known of a processor that would contradict it"
 
 
-def test_a_setting_of_the_user_stays(monkeypatch):
+def test_a_setting_of_the_user_has_priority(monkeypatch):
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Nehalem")
     blas.name_kernels()
     assert os.environ["OPENBLAS_CORETYPE"] == "Nehalem"
@@ -63,7 +63,7 @@ def _printed(code, **variables):
 
 
 @pytest.mark.skipif(not blas.kernels_of(blas._first_processor()), reason="OpenBLAS selects its kernels by itself here")
-def test_slow_kernels_are_neither_selected_nor_passed_over_in_silence():
+def test_slow_kernels_are_not_selected_and_cause_a_message():
     assert _printed(f"import microslip, numpy; {CORE}") == ""
     wrong = _printed(f"import microslip, numpy; {CORE}", OPENBLAS_CORETYPE="Nehalem")
     if not wrong:

@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files are complete or absent."""
 
 import errno
 import os
@@ -27,7 +27,7 @@ def test_the_new_file_appears_at_the_end(tmp_path):
 
 
 @pytest.mark.parametrize("problem", [KeyboardInterrupt, ValueError])
-def test_what_goes_wrong_leaves_the_old_file(tmp_path, problem):
+def test_a_failed_write_leaves_the_old_file(tmp_path, problem):
     path = tmp_path / "x"
     path.write_text("old")
     with pytest.raises(problem):
@@ -50,14 +50,14 @@ def test_what_goes_wrong_leaves_the_old_file(tmp_path, problem):
         (CaseError("own"), CaseError),
     ],
 )
-def test_errors_of_the_system_get_their_status(problem, error):
+def test_errors_of_the_system_have_their_status(problem, error):
     with pytest.raises(error) as caught:
         with file_errors("/some/file"):
             raise problem
     assert "own" in str(caught.value) or "/some/file" in str(caught.value)
 
 
-def test_a_folder_in_the_place_of_a_file(tmp_path):
+def test_a_folder_in_the_place_of_a_file_is_rejected(tmp_path):
     (tmp_path / "x").write_text("")
     make_folder(str(tmp_path / "a" / "b"))
     make_folder(str(tmp_path / "a" / "b"))
@@ -65,8 +65,8 @@ def test_a_folder_in_the_place_of_a_file(tmp_path):
         make_folder(str(tmp_path / "x" / "b"))
 
 
-def test_a_limit_on_files_leaves_no_compiled_module_that_is_cut(tmp_path):
-    """The package, with a module larger than the limit, starts again without it: Python keeps what fits of a compiled one."""
+def test_a_limit_on_files_leaves_no_truncated_compiled_module(tmp_path):
+    """The package, with a module larger than the limit, starts again without it: Python truncates a compiled module."""
     package = tmp_path / "microslip"
     (package / "system").mkdir(parents=True)
     for name in ("__init__.py", "version.py", "system/__init__.py", "system/blas.py"):

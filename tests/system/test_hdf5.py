@@ -1,4 +1,4 @@
-"""HDF5 files on a disk that fills up: one error at the end, whatever HDF5 still writes and reads."""
+"""HDF5 files on a full disk: one error at the end, whatever HDF5 still writes and reads."""
 
 import errno
 import os
@@ -43,7 +43,7 @@ def read(file):
     return all(np.array_equal(file[name], values) and file[name].attrs["unit"] == "m" for name, values in ARRAYS.items())
 
 
-def test_what_is_written_is_read(tmp_path):
+def test_written_files_are_read(tmp_path):
     path = str(tmp_path / "file.h5")
     with written_hdf5(path) as file:
         write(file)
@@ -57,7 +57,7 @@ def test_what_is_written_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("room", [0, 1, 100, 2048, 5000, 20_000, 100_000])
-def test_a_disk_that_fills_up_is_one_error_when_the_file_is_closed(tmp_path, monkeypatch, room):
+def test_a_full_disk_is_one_error_when_the_file_is_closed(tmp_path, monkeypatch, room):
     disk = hdf5._Disk
     monkeypatch.setattr(hdf5, "_Disk", lambda file: disk(Filling(file, room)))
     with pytest.raises(OSError, match="No space left on device"), written_hdf5(str(tmp_path / "file.h5")) as file:

@@ -1,4 +1,4 @@
-"""Values as bytes: back as they were, and damaged in any byte nothing worse than an error."""
+"""Values as bytes: restored exactly, and a wrong byte causes at most an error."""
 
 import io
 
@@ -27,7 +27,7 @@ def back(content, **limits):
 
 
 @given(VALUES)
-def test_values_come_back(value):
+def test_values_are_restored(value):
     np.testing.assert_equal(back(written(value)), value)
 
 
@@ -56,26 +56,26 @@ def test_every_wrong_byte_and_every_end_is_an_error_or_another_value():
         b"12345678901234567890\n",
     ],
 )
-def test_foreign_bytes_are_refused(content):
+def test_foreign_bytes_are_rejected(content):
     with pytest.raises(Unreadable):
         back(content)
 
 
-def test_sparse_matrices_with_indices_outside_are_refused():
+def test_sparse_matrices_with_indices_out_of_range_are_rejected():
     value = sandboxed.answer().matrix
     value.indices[0] = 7
     with pytest.raises(Unreadable, match="ValueError"):
         back(written(value))
 
 
-def test_more_memory_than_may_be_taken_is_refused():
+def test_values_beyond_the_memory_limit_are_rejected():
     content = written([np.zeros(1000), np.zeros(1000)])
     assert len(back(content, most=20000)) == 2
     with pytest.raises(Unreadable, match="shape"):
         back(content, most=15000)
 
 
-def test_objects_are_not_written():
+def test_objects_are_rejected():
     for value in (object(), np.array([None]), {1: {2}}):
         with pytest.raises(TypeError, match="is not sent"):
             written(value)

@@ -1,4 +1,4 @@
-"""A call in a sandbox: limits, what comes back, what it does not inherit, and that it ends with its parent."""
+"""A call in a sandbox: limits, returned values, inherited state, and its end with its parent."""
 
 import fcntl
 import os
@@ -33,12 +33,12 @@ TESTS = Path(__file__).parents[1]
         (sandboxed.leave, (), "status 0 and no answer"),
     ],
 )
-def test_a_call_that_crashes_or_fills_or_does_not_end_is_named(function, arguments, message):
+def test_a_call_that_crashes_or_exceeds_a_limit_is_named(function, arguments, message):
     with pytest.raises(SandboxError, match=message):
         call(function, *arguments, seconds=1 if message.endswith("$") else 60, memory=2**28, processor=1)
 
 
-def test_what_a_call_returns_comes_back():
+def test_the_result_of_a_call_is_returned():
     answer, expected = call(sandboxed.answer, **MANY, returns=(sandboxed.Answer,)), sandboxed.answer()
     assert answer.array.dtype == expected.array.dtype and answer.matrix.format == "csc"
     np.testing.assert_array_equal(answer.array, expected.array)
@@ -47,7 +47,7 @@ def test_what_a_call_returns_comes_back():
     assert answer.rest[0] == 0.1 and np.isnan(answer.rest[1]) and answer.rest[2:] == ("\udcff", 0.5, 1j)
 
 
-def test_what_it_raises_comes_back_with_its_type_or_its_trace():
+def test_an_error_of_a_call_is_raised_with_its_type_or_trace():
     with pytest.raises(MeshError, match="^a text$"):
         call(sandboxed.fault, "a text", **MANY)
     with pytest.raises(LibraryError, match="^KeyError: 'a word'$") as problem:
@@ -57,7 +57,7 @@ def test_what_it_raises_comes_back_with_its_type_or_its_trace():
         call(sandboxed.unsent, **MANY)
 
 
-def test_a_dataclass_that_the_caller_does_not_list_is_refused():
+def test_a_dataclass_not_listed_by_the_caller_is_rejected():
     with pytest.raises(SandboxError, match="no answer .KeyError: 'Answer'"):
         call(sandboxed.answer, **MANY)
 
@@ -91,7 +91,7 @@ except Interrupted:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number, status", [(signal.SIGKILL, -9), (signal.SIGTERM, 5)])
-def test_it_ends_with_its_parent_and_leaves_no_lock(tmp_path, number, status):
+def test_a_sandbox_ends_with_its_parent_and_leaves_no_lock(tmp_path, number, status):
     variables = environment(1) | {"PYTHONPATH": f"{TESTS}:{os.environ.get('PYTHONPATH', '')}"}
     command = [sys.executable, "-c", HOLDER, str(tmp_path / "out"), str(tmp_path / "number")]
     with subprocess.Popen(command, env=variables) as parent:

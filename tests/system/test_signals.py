@@ -1,4 +1,4 @@
-"""What signals ask for, in this process."""
+"""Handling of signals in this process."""
 
 import os
 import signal
@@ -36,21 +36,21 @@ def send(number):
 
 
 @pytest.mark.parametrize("number", STOPPING)
-def test_the_first_signal_stops_and_further_ones_change_nothing(number):
+def test_the_first_signal_stops_and_further_signals_are_ignored(number):
     with pytest.raises(Interrupted, match=f"stopped by {number.name}"):
         send(number)
     for other in STOPPING:
         send(other)
 
 
-def test_a_signal_to_save_is_heard_once_and_ends_nothing():
+def test_a_signal_to_save_is_reported_once_and_stops_nothing():
     assert not save_requested()
     send(signal.SIGUSR1)
     send(signal.SIGUSR1)
     assert save_requested() and not save_requested()
 
 
-def test_a_file_that_is_being_written_is_finished_first(tmp_path):
+def test_a_file_in_progress_is_completed_before_a_stop(tmp_path):
     path = tmp_path / "file"
     path.write_text("before")
     with pytest.raises(Interrupted), atomic_write(str(path)) as beside, open(beside, "w") as file:
@@ -59,7 +59,7 @@ def test_a_file_that_is_being_written_is_finished_first(tmp_path):
     assert path.read_text() == "after" and os.listdir(tmp_path) == ["file"]
 
 
-def test_both_files_have_the_point_at_which_a_signal_stops(tmp_path, monkeypatch):
+def test_both_files_have_the_last_point_before_a_stop(tmp_path, monkeypatch):
     pairs = two_flanks(4, 1)
     curve, writer, add = branch(8.0, pairs, n_points=3), writer_of(tmp_path, pairs), ResponseTable.add
     writer.level_started(0, 8.0)
@@ -74,7 +74,7 @@ def test_both_files_have_the_point_at_which_a_signal_stops(tmp_path, monkeypatch
     assert len(level.frequency) == 2 and table == pytest.approx(level.frequency)
 
 
-def test_blocks_in_each_other_and_an_error_in_one():
+def test_nested_blocks_and_an_error_in_one():
     with pytest.raises(Interrupted):
         with unbroken():
             with unbroken():
@@ -82,7 +82,7 @@ def test_blocks_in_each_other_and_an_error_in_one():
             done = True
         done = False
     assert done
-    with unbroken():  # on the way out
+    with unbroken():  # at the end of the program
         send(signal.SIGTERM)
     obey_signals()
     with pytest.raises(ZeroDivisionError), unbroken():
@@ -90,7 +90,7 @@ def test_blocks_in_each_other_and_an_error_in_one():
         raise ZeroDivisionError
 
 
-def test_a_rank_that_does_not_save_goes_on_for_a_while(monkeypatch):
+def test_a_rank_that_does_not_save_continues_for_a_while(monkeypatch):
     monkeypatch.setattr(signals, "TO_FIRST", 0.1)
     obey_signals(is_first=False)
     went_on = False
@@ -101,7 +101,7 @@ def test_a_rank_that_does_not_save_goes_on_for_a_while(monkeypatch):
     assert went_on
 
 
-def test_what_the_caller_ignores_stays_ignored():
+def test_signals_ignored_by_the_caller_remain_ignored():
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     obey_signals()
     send(signal.SIGHUP)
@@ -109,8 +109,8 @@ def test_what_the_caller_ignores_stays_ignored():
         send(signal.SIGTERM)
 
 
-def test_a_stop_that_a_library_swallows_comes_again_with_the_next_stage():
-    """A module that a signal interrupts at its import is taken for one that is not there."""
+def test_a_stop_suppressed_by_a_library_is_raised_in_the_next_stage():
+    """A module whose import is interrupted by a signal is taken for a missing module."""
     log = RunLog(MPI.COMM_SELF, screen=False)
     with suppress(BaseException):
         send(signal.SIGTERM)
@@ -118,7 +118,7 @@ def test_a_stop_that_a_library_swallows_comes_again_with_the_next_stage():
         raise AssertionError("it began")
 
 
-def test_what_a_library_makes_of_a_stop_is_the_stop():
+def test_an_error_that_a_library_makes_of_a_stop_is_the_stop():
     log = RunLog(MPI.COMM_SELF, screen=False)
     with pytest.raises(Interrupted, match="stopped by SIGTERM"), log.stage("one with an import"):
         try:

@@ -1,4 +1,4 @@
-"""Times as users and schedulers write them, and what is left of a job."""
+"""Time formats of users and schedulers, and the remaining time of a job."""
 
 import json
 import pickle
@@ -43,31 +43,31 @@ def nothing(command):
     return ""
 
 
-def test_no_scheduler_no_limit_and_what_is_asked_for_otherwise():
+def test_without_a_scheduler_the_limit_is_that_of_the_option():
     assert time_limit(None, {}, nothing) is None
     limit = time_limit(60.0, {}, nothing)
     assert limit.source == "--walltime, 60 s" and 59.0 < limit.remaining <= 60.0
 
 
-def test_slurm_says_when_the_job_ends_or_is_asked():
+def test_the_limit_of_slurm_is_read_or_queried():
     limit = time_limit(None, {"SLURM_JOB_ID": "7", "SLURM_JOB_END_TIME": f"{int(time.time()) + 100}"}, nothing)
     assert limit.source == "the time limit of Slurm job 7" and 97.0 < limit.remaining <= 100.0
-    asked = []
+    commands = []
 
     def squeue(command):
-        asked.append(command)
+        commands.append(command)
         return "1-00:01:00"
 
     assert time_limit(None, {"SLURM_JOB_ID": "7"}, squeue).seconds == 86460.0
-    assert asked == [["squeue", "-h", "-j", "7", "-o", "%L"]]
+    assert commands == [["squeue", "-h", "-j", "7", "-o", "%L"]]
     assert time_limit(None, {"SLURM_JOB_ID": "7"}, lambda command: "UNLIMITED") is None
 
 
-def test_a_time_that_is_over_belongs_to_another_job():
+def test_an_elapsed_end_time_is_ignored():
     assert time_limit(None, {"SLURM_JOB_ID": "7", "SLURM_JOB_END_TIME": "1000"}, nothing) is None
 
 
-def test_pbs_is_asked():
+def test_the_limit_of_pbs_is_queried():
     began = time.strftime("%a %b %d %H:%M:%S %Y", time.localtime(time.time() - 600.0))
     job = {"Resource_List": {"walltime": "01:00:00"}, "resources_used": {"walltime": "00:05:00"}}
     environment = {"PBS_JOBID": "7.host", "PBS_WALLTIME": "120"}
@@ -81,13 +81,13 @@ def test_pbs_is_asked():
         assert time_limit(None, environment, lambda command, answer=answer: answer).seconds == 120.0
 
 
-def test_the_shorter_of_two_limits_counts():
+def test_the_shorter_of_two_limits_applies():
     environment = {"SLURM_JOB_ID": "7"}
     assert "Slurm" in time_limit(3600.0, environment, lambda command: "10:00").source
     assert "--walltime" in time_limit(300.0, environment, lambda command: "10:00").source
 
 
-def test_a_scheduler_that_is_not_there_or_fails_says_nothing(monkeypatch, tmp_path):
+def test_a_missing_or_failing_scheduler_sets_no_limit(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert time_limit(None, {"SLURM_JOB_ID": "7"}) is None
     (tmp_path / "squeue").write_text("#!/bin/sh\necho 10:00\nexit 1\n")
@@ -100,6 +100,6 @@ def test_a_scheduler_that_is_not_there_or_fails_says_nothing(monkeypatch, tmp_pa
     assert time_limit(None, {"SLURM_JOB_ID": "7"}) is None
 
 
-def test_another_machine_is_told_what_is_left():
+def test_the_remaining_time_is_sent_to_other_machines():
     limit = TimeLimit(100.0, "x", time.monotonic() - 40.0)
     assert pickle.loads(pickle.dumps(limit)).seconds == pytest.approx(60.0, abs=1.0)
