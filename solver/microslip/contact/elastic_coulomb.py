@@ -18,29 +18,23 @@ from ..fourier.harmonics import Harmonics
 from ._elastic_coulomb import Pairs, Sampling, leaves, march
 from ._return_map import SpringPairs, steps
 from .law import ContactCycle
-from .parameters import column_with, not_among, preload_of_gaps, preload_with, with_mean
+from .parameters import with_mean
+from .preloaded import Preloaded
 from .sliders import Sliders
 
 _ONE_SIDED = 1e-6  # relative to a force or a motion: step of the difference by a friction coefficient or stiffness of 0
 
 
 @dataclass(frozen=True)
-class ElasticCoulomb:
+class ElasticCoulomb(Preloaded):
     """The law of ``n`` pairs, contiguous arrays (n,); ValueError if a value is negative or an array has a wrong shape.
 
     ``dataclasses.replace(law, N0=..., w0=...)`` is the same joint about another state of rest.
     """
 
-    mu: np.ndarray  # friction coefficient [-]
-    N0: np.ndarray  # normal preload [N]; a negative value is an initial gap -N0 / k_n
-    k_t: np.ndarray  # tangential stiffness [N/m]
-    k_n: np.ndarray  # normal stiffness [N/m]
     separate: np.ndarray  # bool: each tangential direction has its own friction limit
     w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) for all: initial slider positions [m], (3.5)
     sampled: bool = False  # the return map (3.3) at the samples only, instead of the path between them (3.6)
-    open_at_rest: np.ndarray = field(
-        default_factory=lambda: np.zeros(1, dtype=bool)
-    )  # (n,) bool: open at rest, without springs (3.8)
     k_ty: np.ndarray | None = None  # (n,) tangential stiffness along y, where limits are separate [N/m]; None: k_t
     mu_y: np.ndarray | None = None  # (n,) friction coefficient along y, where limits are separate [-]; None: mu
     _last: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)  # cycle that rates were taken of
@@ -102,11 +96,6 @@ class ElasticCoulomb:
     def refined(self) -> ElasticCoulomb:
         """The law itself."""
         return self
-
-    @cached_property
-    def stiffness(self) -> np.ndarray:
-        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; 0 for a pair that is open at rest."""
-        return np.where(self.open_at_rest[:, None], 0.0, self.springs)
 
     @cached_property
     def springs(self) -> np.ndarray:
@@ -217,50 +206,24 @@ class ElasticCoulomb:
 
     # -- its parameters ----------------------------------------------------------------------------------------
 
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """The parameters that vary."""
-        return "mu", "N0", "gap", "k_t", "k_n"
+    described = "elastic-Coulomb friction"
 
-    def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> ElasticCoulomb:
-        """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs; parameters along y change in proportion.
-
-        Local.  Gaps stay where k_n changes.  ValueError as in :class:`Law`.
-        """
-        if name in ("N0", "gap"):
-            return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
-        if name not in self.parameters:
-            raise not_among(name, "elastic-Coulomb friction", self.parameters)
-        before = getattr(self, name)
-        changed: dict[str, Any] = {name: column_with(before, pairs, values)}
-        of_y = {"mu": "mu_y", "k_t": "k_ty"}.get(name)
+    def _changed(self, name: str, pairs: np.ndarray, values: np.ndarray) -> dict[str, Any]:
+        """Return the changed columns; those along y change in proportion."""
+        changed, of_y = super()._changed(name, pairs, values), {"mu": "mu_y", "k_t": "k_ty"}.get(name)
         if of_y and getattr(self, of_y) is not None:
+            before = getattr(self, name)
             ratio = np.divide(getattr(self, of_y), before, out=np.ones_like(before), where=before > 0.0)
             changed[of_y] = changed[name] * ratio
-        if name == "k_n":
-            changed["N0"] = self.N0 + preload_of_gaps(self.N0, self.k_n) * (changed[name] - before)
-        return replace(self, **changed)
-
-    def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
-        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H); by k_n at a constant gap.
-
-        Local.  docs/theory.md, eq. (3.15).
-        """
-        if name == "gap":
-            return -self.k_n[:, None, None] * self.rate_at_preload("N0", U, n_samples, harmonics)
-        rate, of_gaps = self.rate_at_preload(name, U, n_samples, harmonics), preload_of_gaps(self.N0, self.k_n)
-        if name == "k_n" and of_gaps.any():
-            rate += of_gaps[:, None, None] * self.rate_at_preload("N0", U, n_samples, harmonics)
-        return rate
+        return changed
 
     def rate_at_preload(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
-        """Return the same, by k_n at a constant N0.
+        """Return d p / d parameter, by k_n at a constant N0.
 
-        From the derivative of the cycle by the motion; a one-sided difference where the varied mu or k_t is 0.  At N0 = 0 the
-        derivative by N0 is the one-sided derivative for N0 < 0.
+        Local.  From the derivative of the cycle by the motion; a one-sided difference where the varied mu or k_t is 0.  At
+        N0 = 0 the derivative by N0 is the one-sided derivative for N0 < 0.
         """
-        if name not in self.parameters:
-            raise not_among(name, "elastic-Coulomb friction", self.parameters)
+        self._check(name)
         U, harmonics, columns = with_mean(U, harmonics)
         rate = self._rate_with_springs(name, U, n_samples, harmonics)
         if self.open_at_rest.any():

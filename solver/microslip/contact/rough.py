@@ -19,7 +19,7 @@ from ..fourier.harmonics import Harmonics
 from .bundle import Bundle, OfElements, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
-from .parameters import column_with, not_among, preload_of_gaps, preload_with
+from .preloaded import Preloaded
 
 SLIDERS = 24  # default number of asperities in contact at rest
 MOST_FORCE = 1e9  # N / N0 up to which further asperities come into contact
@@ -34,24 +34,19 @@ MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential divided by normal stiffn
 
 
 @dataclass(frozen=True)
-class Rough(OfElements):
+class Rough(Preloaded, OfElements):
     """The law of ``n`` pairs of rough surfaces, arrays (n,), about their rest; ValueError if it is not defined there.
 
-    A pair with a power law may be open at rest, N0 <= 0, with the gap -N0 / k_n as an elastic-Coulomb pair.  Its k_t and k_n are
-    the stiffnesses at the normal force ``reference``.
+    k_t and k_n, above 0, are the stiffnesses at rest; of a pair with a power law that is open at rest, N0 <= 0, those at the
+    normal force ``reference``.
     """
 
-    mu: np.ndarray  # friction coefficient [-]
-    N0: np.ndarray  # normal preload [N]
-    k_t: np.ndarray  # tangential stiffness at rest [N/m]
-    k_n: np.ndarray  # normal stiffness at rest [N/m], above 0
     exponent: np.ndarray  # of the approach, above 1 [-]; infinite: the exponential
     separate: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: each direction has its own limit
     n_sliders: int = SLIDERS
     sampled: bool = False  # the asperities are evaluated at the samples only
     w0: np.ndarray | None = None  # (n, n_asperities, 2) initial slider positions [m]; None: 0
     reference: np.ndarray = field(default_factory=lambda: np.full(1, np.nan))  # (n,) N, of pairs that are open at rest
-    open_at_rest: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs
     bundle: Bundle = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -88,11 +83,6 @@ class Rough(OfElements):
         """Distance of rest from the state with force ``pressed``, (n,) [m]: approach at the reference plus gap; 0 if closed."""
         with np.errstate(invalid="ignore"):
             return np.where(self.is_open, (self.exponent * self.pressed - self.N0) / self.k_n, 0.0)
-
-    @cached_property
-    def stiffness(self) -> np.ndarray:
-        """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is open at rest."""
-        return np.where(self.open_at_rest[:, None], 0.0, self.springs)
 
     @cached_property
     def springs(self) -> np.ndarray:
@@ -214,42 +204,14 @@ class Rough(OfElements):
 
     # -- its parameters ----------------------------------------------------------------------------------------
 
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """The parameters that vary."""
-        return "mu", "N0", "gap", "k_t", "k_n"
+    described = "a rough surface"
 
-    def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Rough:
-        """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs.
-
-        Local.  k_t and k_n are the stiffnesses at rest; N0 does not change them, and gaps stay where k_n changes.  ValueError as
-        in :class:`Law`.
-        """
-        if name in ("N0", "gap"):
-            return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
-        if name not in self.parameters:
-            raise not_among(name, "a rough surface", self.parameters)
-        changed: dict[str, Any] = {name: column_with(getattr(self, name), pairs, values)}
-        if name == "k_n":
-            changed["N0"] = self.N0 + preload_of_gaps(self.N0, self.k_n) * (changed[name] - self.k_n)
-        return replace(self, **changed)
-
-    def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
-        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H); by k_n at a constant gap.
+    def rate_at_preload(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
+        """Return d p / d parameter, by k_n at a constant N0.
 
         Local.  The sum over the asperities (3.12), with constant fractions of k_t and k_n, and the normal force (3.11).
         """
-        if name == "gap":
-            return -self.k_n[:, None, None] * self._rate_at_preload("N0", U, n_samples, harmonics)
-        rate, of_gaps = self._rate_at_preload(name, U, n_samples, harmonics), preload_of_gaps(self.N0, self.k_n)
-        if name == "k_n" and of_gaps.any():
-            rate += of_gaps[:, None, None] * self._rate_at_preload("N0", U, n_samples, harmonics)
-        return rate
-
-    def _rate_at_preload(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None) -> np.ndarray:
-        """Return the same, by k_n at a constant N0.  Local."""
-        if name not in self.parameters:
-            raise not_among(name, "a rough surface", self.parameters)
+        self._check(name)
         elements, size = self.bundle.elements, self.bundle.size
         per_pair = elements.k_n / np.repeat(self.k_n, size)
         if name == "N0":
