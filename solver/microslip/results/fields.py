@@ -93,15 +93,21 @@ def _write_mesh(file: h5py.File, mesh: Mesh) -> None:
 
 
 def _write_fields(file: h5py.File, fields: Fields) -> None:
-    write_array(file, "modes/shape", fields.shapes.astype("f4"), "1/sqrt(kg)")
+    _write_motion(file, "modes/shape", fields.shapes, "1/sqrt(kg)")
     write_array(file, "outputs/node", np.array(fields.output_node, dtype="i8"), "number in the mesh file")
     write_array(file, "outputs/direction", fields.output_direction, "1")
     if fields.rest is not None:
-        write_array(file, "statics/displacement", fields.rest.astype("f4"), "m")
+        _write_motion(file, "statics/displacement", fields.rest, "m")
     for number, motion in fields.peaks.items():
         group = f"levels/{number:04d}/peak"
         write_array(file, f"{group}/point", np.array([motion.point], dtype="i8"), "point of the curve, from 0")
-        write_array(file, f"{group}/displacement", motion.u.astype("f4"), "m")
+        _write_motion(file, f"{group}/displacement", motion.u, "m")
+
+
+def _write_motion(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
+    """Write the motion of the nodes uncompressed: compression saves a fifth of the size and takes ten times as long."""
+    dataset = file.create_dataset(name, data=values.astype("f4", copy=False))
+    dataset.attrs["unit"] = unit
 
 
 def read_fields(path: str) -> Fields | None:

@@ -31,7 +31,7 @@ def joint_mesh(joint: Joint) -> JointMesh:
     """Return the joint as polygons, and points for pairs that have no area; those without a position are left out.  Local."""
     position = np.where(np.isfinite(joint.position), joint.position, 0.0)
     parts = [_of_faces(faces, position) for faces in joint.faces if len(faces) and faces.shape[1] in RINGS]
-    with_cell = np.flatnonzero(has_cell(joint))
+    with_cell = np.flatnonzero(has_cell(joint.cells))
     if len(with_cell):
         corners = joint.cells[with_cell].reshape(-1, 3)
         parts.append((corners, _rows(np.repeat(with_cell, 4), joint.n_pairs), np.full(len(with_cell), 4), with_cell))

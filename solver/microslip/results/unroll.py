@@ -109,7 +109,7 @@ def _patch(joint: Joint, pairs: np.ndarray, label: str) -> Patch:
             outlines.append(ring)
             cells += parts_of(ring, len(face) in (6, 8))
             cell_pair += list(in_turn)
-    for i in np.flatnonzero(has_cell(joint)[pairs]):
+    for i in np.flatnonzero(has_cell(joint.cells[pairs])):
         ring = points[i] + (joint.cells[pairs[i]] - position[i]) @ along[i].T
         outlines.append(ring)
         cells.append(ring)
@@ -126,7 +126,7 @@ def _spacing(points: np.ndarray) -> float:
 
 def _shared_corners(joint: Joint) -> np.ndarray:
     """Return pairs (m, 2) whose cells share a corner, within one joint: the first of them and each other."""
-    owner = np.repeat(np.flatnonzero(has_cell(joint)), 4)
+    owner = np.repeat(np.flatnonzero(has_cell(joint.cells)), 4)
     if len(owner) == 0:
         return np.zeros((0, 2), dtype=int)
     corners = joint.cells[owner[::4]].reshape(-1, 3)
@@ -136,9 +136,9 @@ def _shared_corners(joint: Joint) -> np.ndarray:
     return np.column_stack([owner[first[same.ravel()]], owner])
 
 
-def has_cell(joint: Joint) -> np.ndarray:
-    """Return the pairs with a cell, (n_pairs,) bool.  Local."""
-    return np.isfinite(joint.cells).all(axis=(1, 2)) & (np.ptp(joint.cells, axis=1).max(axis=1, initial=0.0) > 0.0)
+def has_cell(cells: np.ndarray) -> np.ndarray:
+    """Return which of the ``cells`` (n, 4, 3) of pairs have an area, (n,) bool.  Local."""
+    return np.isfinite(cells).all(axis=(1, 2)) & (np.ptp(cells, axis=1).max(axis=1, initial=0.0) > 0.0)
 
 
 def _project(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
