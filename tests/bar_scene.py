@@ -15,6 +15,16 @@ from microslip.scene.read import read_scene
 from microslip.scene.schema import Scene
 
 N_DOF, N_PAIRS = 135, 15
+COARSE_DOF, COARSE_PAIRS = 54, 6  # of the coarsest bar
+COARSE = {"divisions": (2, 1, 1), "modes": COARSE_DOF}
+EVERY_METHOD = {
+    "receptance": {},
+    "adaptive": {},
+    "full": {},
+    "craig-bampton": {},
+    "rubin": {},
+    "joint-interface-modes": {"interface_modes": 3 * COARSE_PAIRS},  # all of the coarsest bar
+}
 SCENE = (
     table("model", mesh="bar.msh")
     + steel("bar", "ground")

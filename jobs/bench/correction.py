@@ -87,8 +87,6 @@ def main():
     parser.add_argument("--reference", type=int, default=25)
     asked, rows = parser.parse_args(), dict[int, list]()
     for system in (draw(1, number) for number in range(asked.systems)):
-        for load in system["loads"]:
-            load.setdefault("phase", 0.0)
         for level in system["levels"].values():
             for H in (H for H in asked.harmonics if H >= max(load["harmonic"] for load in system["loads"])):
                 try:

@@ -41,8 +41,6 @@ COMM = MPI.COMM_SELF
 
 def chain_problem(level):
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, parameters = reduced(system, COMM, 3)
     return forced(model, parameters, 128, level), np.linspace(*system["omega"], 15)[3:10]
 

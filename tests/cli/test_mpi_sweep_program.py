@@ -17,8 +17,6 @@ FRICTION, STIFFNESS = "joints.joint.friction", "joints.joint.tangential_stiffnes
 def scene(comm, shared_path):
     """Return the scene of one mass on a Jenkins element that sticks at its level."""
     system = scenes.jenkins_mass()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
 
     def write():
         more = {"points": 15, "harmonics": 1, "samples": 64, "tolerance": 1e-9, "error_bars": False}

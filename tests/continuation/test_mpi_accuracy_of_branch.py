@@ -39,8 +39,6 @@ LOW, HIGH = 520.0, 640.0  # beyond, several solutions exist
 
 def problem_of(name, level, H=3, n_samples=128):
     system = scenes.SCENES[name]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, parameters = reduced(system, COMM, H)
     return forced(model, parameters, n_samples, level), ErrorEstimator(EnrichedModel.of_all_modes(model))
 

@@ -28,8 +28,6 @@ STEPS = ArcLength(ds=0.05, ds_min=1e-5, ds_max=0.1)
 
 def chain_task(selection=None, with_accuracy=False, level=100.0):
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, 3)
     estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
     accuracy = Accuracy(1e-2, Resolution(Harmonics.up_to(1), 16, 1e-4)) if with_accuracy else None

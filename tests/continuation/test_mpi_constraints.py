@@ -66,8 +66,6 @@ class PrescribedAmplitude:
 
 def test_the_level_of_a_prescribed_amplitude_is_that_of_the_curve():
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     (point,) = (p for p in branch(system, COMM, LEVEL, at=(OMEGA,), tolerance=1e-11).points if p.requested)
     model, law = reduced(system, COMM, 3)
     problem = OverLevelAndFrequency(HarmonicBalance.of_all(model, law, 128))

@@ -20,16 +20,9 @@ COMM = MPI.COMM_WORLD
 OMEGA = 1.1
 
 
-def scene():
-    system = scenes.SCENES["jenkins"]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
-    return system
-
-
 def jenkins():
     """Return the system of a point in gross slip and its linear motion."""
-    problem = forced(*reduced(scene(), COMM, 1), 256, 0.8)
+    problem = forced(*reduced(scenes.jenkins_mass(), COMM, 1), 256, 0.8)
     guess = Iterate(problem.equation.linear_motion(problem.at((OMEGA,))), (OMEGA,), problem.equation.harmonics)
     size = COMM.allreduce(float(np.vdot(guess.U, guess.U))) ** 0.5
     system = BorderedSystem(problem, (Plane.fixed_parameter(guess),), Scaling(size, (1.0,)), problem.equation.every_pair)

@@ -15,13 +15,6 @@ pytestmark = pytest.mark.ranks(1, 2)
 COMM, ALL = MPI.COMM_WORLD, AllPairs()
 
 
-def chain():
-    system = scenes.SCENES["chain"]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
-    return system
-
-
 def grid(system, level, omegas, selection=ALL, tolerance=1e-10):
     model, parameters = reduced(system, COMM, 3)
     return at_frequencies(forced(model, parameters, 128, level), selection, omegas, tolerance=tolerance)
@@ -30,8 +23,8 @@ def grid(system, level, omegas, selection=ALL, tolerance=1e-10):
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [1e-3, pytest.param(10.0, marks=pytest.mark.ranks(1))])
 def test_solutions_at_the_frequencies_of_a_branch_are_its_points(level):
-    followed = branch(chain(), COMM, level, points=40, tolerance=1e-10)
-    solved = grid(chain(), level, [point.omega for point in followed.points])
+    followed = branch(scenes.chain(), COMM, level, points=40, tolerance=1e-10)
+    solved = grid(scenes.chain(), level, [point.omega for point in followed.points])
     assert solved.failure is None and len(solved.points) == len(followed.points)
     peak = max(np.abs(point.response).max() for point in followed.points)
     for a, b in zip(solved.points, followed.points):
@@ -42,9 +35,9 @@ def test_solutions_at_the_frequencies_of_a_branch_are_its_points(level):
 
 @pytest.mark.ranks(1, 2, 3)
 def test_the_order_of_the_frequencies_is_preserved_and_does_not_matter():
-    low, high = chain()["omega"]
+    low, high = scenes.chain()["omega"]
     omegas = np.linspace(low, high, 16)
-    up, down = grid(chain(), 10.0, omegas), grid(chain(), 10.0, omegas[::-1])
+    up, down = grid(scenes.chain(), 10.0, omegas), grid(scenes.chain(), 10.0, omegas[::-1])
     assert [point.omega for point in down.points] == pytest.approx(omegas[::-1], rel=1e-14)
     peak = max(np.abs(point.response).max() for point in up.points)
     for a, b in zip(up.points, down.points[::-1]):
@@ -54,7 +47,7 @@ def test_the_order_of_the_frequencies_is_preserved_and_does_not_matter():
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_solutions_beyond_a_fold_lie_on_the_branch():
-    system, omegas = chain(), np.linspace(*chain()["omega"], 15)
+    system, omegas = scenes.chain(), np.linspace(*scenes.chain()["omega"], 15)
     followed = branch(system, COMM, 50.0, at=omegas, tolerance=1e-10)
     assert min(np.diff([point.omega for point in followed.points])) < -1.0  # it folds back
     solved = grid(system, 50.0, omegas)
@@ -69,9 +62,9 @@ def test_solutions_beyond_a_fold_lie_on_the_branch():
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_check_within_a_point_makes_the_adaptive_selection_exact_at_given_frequencies():
-    omegas = np.linspace(*chain()["omega"], 13)
-    exact = grid(chain(), 20.0, omegas)
-    late, checked = (grid(chain(), 20.0, omegas, NonStickingPairs(check)) for check in (False, True))
+    omegas = np.linspace(*scenes.chain()["omega"], 13)
+    exact = grid(scenes.chain(), 20.0, omegas)
+    late, checked = (grid(scenes.chain(), 20.0, omegas, NonStickingPairs(check)) for check in (False, True))
     peak = max(np.abs(point.response).max() for point in exact.points)
 
     def difference(solved):
@@ -82,7 +75,7 @@ def test_check_within_a_point_makes_the_adaptive_selection_exact_at_given_freque
 
 @pytest.mark.slow
 def test_a_frequency_without_solution_is_named():
-    solved = grid(chain(), 100.0, [500.0, 560.0], tolerance=1e-300)
+    solved = grid(scenes.chain(), 100.0, [500.0, 560.0], tolerance=1e-300)
     assert solved.failure is not None and "Hz" in solved.failure
 
 

@@ -45,8 +45,6 @@ class OverLawParameter(ProblemBase):
 
 def chain():
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, 3)
     return HarmonicBalance.of_all(model, law, 128)
 

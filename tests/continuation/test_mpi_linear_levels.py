@@ -27,8 +27,6 @@ FREQUENCIES = {"chain": (450.0, 640.0), "spatial": (1.0, 1.6)}
 def prepared(name, *, at=(), down=False, **changes):
     """Return the model of a scene, its parameters, the sweep and the linear curve."""
     system = {**scenes.SCENES[name](), **changes}
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, parameters = reduced(system, COMM, 3)
     low, high = FREQUENCIES[name]
     sweep = Sweep(*((high, low) if down else (low, high)), at)
@@ -116,7 +114,7 @@ def test_a_scaled_level_is_proportional_to_its_load():
 
 @pytest.mark.parametrize("changes", [{"mu": 0.0}, {"N0": 0.0}, {"N0": -1.0}])
 def test_pairs_without_friction_preload_or_contact_at_rest_exclude_linear_levels(changes):
-    system = scenes.SCENES["chain"]()
+    system = scenes.chain()
     altered = {
         key: np.where(np.arange(len(system[key])) == len(system[key]) - 1, value, system[key]) for key, value in changes.items()
     }
@@ -131,7 +129,7 @@ def test_without_contact_parameters_no_level_is_linear():
 
 
 def test_a_constant_motion_is_solved():
-    system = scenes.SCENES["spatial"]()
+    system = scenes.spatial_mass()
     system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
     model, parameters = reduced(system, COMM, 0)
     curve = linear_curve(model, Sweep(*FREQUENCIES["spatial"]), parameters)

@@ -105,8 +105,6 @@ def coupled_chain():
 def test_modes_of_a_chain_satisfy_the_equations_in_physical_coordinates(chain, j):
     """Damping with and without coupling of the modes; slip and separation; three harmonics."""
     system, H = chain() | {"sampled": True}, 3
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     _, branch = mode(system, H, 128, [5e-5, 4e-4], j=j, tolerance=1e-10)
     assert branch.failure is None
     assert branch.points[0].state.max() == 0 < branch.points[-1].state.max()

@@ -100,8 +100,6 @@ def test_peaks_of_exact_coefficients_are_those_of_the_closed_form():
 @pytest.mark.slow
 def test_peaks_are_those_of_a_fine_sweep():
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     curve, solved = peaks(system, 100.0, 3, 128)
     assert solved and all(peak.within < 1e-5 * peak.omega for peak in solved)
     near = np.sort([peak.omega * (1.0 + np.linspace(-1e-4, 1e-4, 9)) for peak in solved], axis=None)

@@ -115,8 +115,7 @@ def test_a_peak_passed_over_by_the_shortest_step_is_noted():
 
 @pytest.mark.ranks(1)
 def test_points_that_resolve_the_peaks_do_not_change(monkeypatch):
-    system = scenes.SCENES["jenkins"]()
-    system["loads"][0].setdefault("phase", 0.0)
+    system = scenes.jenkins_mass()
     guarded = curve(system, 0.8, 60)
     monkeypatch.setattr("microslip.continuation.stepping.passed_over", lambda *of: None)
     free = curve(system, 0.8, 60)

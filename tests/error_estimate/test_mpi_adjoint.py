@@ -29,8 +29,6 @@ OMEGA, LEVEL = 555.0, 100.0
 @pytest.mark.parametrize("name", ["mu", "N0"])
 def test_the_adjoint_gives_the_derivative_of_the_outputs_by_the_law(name):
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, 3)
     base, vary = HarmonicBalance.of_all(model, law, 128), LawParameter(name, np.arange(2), system[name])
 
@@ -64,8 +62,6 @@ def test_the_adjoint_gives_the_derivative_of_the_outputs_by_the_law(name):
 def test_steps_with_one_linearisation_share_the_operands_of_their_products(monkeypatch):
     """The solutions are those of a factorisation; another linearisation has different operands."""
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, 3)
     equation = HarmonicBalance.of_all(model, law, 128)
 

@@ -24,16 +24,9 @@ COMM = MPI.COMM_WORLD
 OMEGAS = list(np.linspace(500.0, 640.0, 8))
 
 
-def scene(name):
-    system = scenes.SCENES[name]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
-    return system
-
-
 def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM, omegas=OMEGAS, name="chain"):
     """Return the points of a level at some frequencies, with error bars."""
-    model, parameters = reduced(scene(name), comm, H)
+    model, parameters = reduced(scenes.SCENES[name](), comm, H)
     estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
     task = task_at(forced(model, parameters, n_samples, level), selection or AllPairs(), omegas, tolerance, estimator)
     solution = solved_at(task, omegas)
@@ -78,7 +71,7 @@ def test_a_stuck_point_has_zero_error_with_all_modes():
 
 
 def test_the_part_of_the_solver_is_the_distance_to_the_solution():
-    model, parameters = reduced(scene("chain"), COMM, 3)
+    model, parameters = reduced(scenes.chain(), COMM, 3)
     equation = forced(model, parameters, 128, 100.0).equation
     everything = equation.every_pair
     exact = COMM.bcast(solved(100.0, omegas=[560.0, 561.0], tolerance=1e-12)[0].U)
@@ -96,7 +89,7 @@ def test_the_part_of_the_solver_is_the_distance_to_the_solution():
 
 
 def test_an_error_bar_includes_the_additional_damping_of_its_point():
-    model, parameters = reduced(scene("chain"), COMM, 3)
+    model, parameters = reduced(scenes.chain(), COMM, 3)
     sigma, omega, level = 4.0, 560.0, 100.0
     damped = model.with_damping(sigma)
     U = at_frequencies(forced(damped, parameters, 128, level), AllPairs(), [omega], tolerance=1e-10).points[0].U
@@ -129,7 +122,7 @@ def test_error_bars_agree_on_any_number_of_ranks():
 
 
 def test_points_of_a_branch_have_the_error_bars_of_single_points():
-    estimated = branch(scene("chain"), COMM, 40.0, low=500.0, high=640.0, points=20)
+    estimated = branch(scenes.chain(), COMM, 40.0, low=500.0, high=640.0, points=20)
     assert estimated.failure is None
     assert all(point.error is None for point in estimated.points)
 
@@ -139,7 +132,7 @@ def test_points_of_a_branch_have_the_error_bars_of_single_points():
 @pytest.mark.parametrize("direct", [0, 10**6])
 def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
     monkeypatch.setattr(adjoint_solver, "DIRECT", direct)
-    model, parameters = reduced(scene(name), COMM, 3)
+    model, parameters = reduced(scenes.SCENES[name](), COMM, 3)
     equation = forced(model, parameters, 128, level).equation
     U = COMM.bcast(solved(level, omegas=[560.0, 561.0], name=name)[0].U)[model.owned]
     forces = equation.contact_forces(U, equation.every_pair, tangents=True)
@@ -188,7 +181,7 @@ def test_the_corrected_amplitude_has_a_smaller_error_and_a_smaller_valid_error_b
 
 def test_the_error_after_correction_falls_as_the_square_of_the_correction():
     """Motions at two distances from the solution: the enriched model of the error bar is the solved model."""
-    model, parameters = reduced(scene("chain"), COMM, 3)
+    model, parameters = reduced(scenes.chain(), COMM, 3)
     equation = forced(model, parameters, 128, 100.0).equation
     everything, at = equation.every_pair, OperatingPoint(560.0, 100.0)
     exact = COMM.bcast(solved(100.0, omegas=[560.0, 561.0], tolerance=1e-13)[0].U)

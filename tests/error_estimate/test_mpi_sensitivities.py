@@ -30,8 +30,6 @@ OMEGA, LEVEL = 555.0, 100.0
 
 def chain(**changed):
     system = scenes.chain() | changed
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     return system
 
 

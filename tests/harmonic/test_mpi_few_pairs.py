@@ -26,8 +26,6 @@ AT = OperatingPoint(555.0, 100.0)
 @pytest.fixture
 def equation():
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, 3)
     return HarmonicBalance.of_all(model, law, 128)
 

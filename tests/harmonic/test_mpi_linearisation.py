@@ -31,8 +31,6 @@ OMEGA, LEVEL = 555.0, 100.0
 
 def chain(H=3, full_damping=False):
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, H)
     if full_damping:
         receptance = model.receptance_of(1)

@@ -25,7 +25,6 @@ def scene(name, harmonic=None):
     """Return an oracle's system, with all loads in one harmonic if it is given."""
     system = scenes.SCENES[name]()
     for load in system["loads"]:
-        load.setdefault("phase", 0.0)
         load["harmonic"] = load["harmonic"] if harmonic is None else harmonic
     return system
 

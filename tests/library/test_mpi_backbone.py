@@ -29,8 +29,6 @@ COMM = MPI.COMM_WORLD
 def one_mass(**changes):
     """Return one mass on a Jenkins element, as in docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
     system = scenes.jenkins_mass()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     return system | changes
 
 

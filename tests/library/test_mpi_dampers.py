@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bar_loads import LOADS, dense, reduced_model, scene_with
-from bar_scene import by
+from bar_scene import COARSE, COARSE_DOF, COARSE_PAIRS, EVERY_METHOD, by
 
 import microslip
 from microslip.fourier.amplitudes import to_complex
@@ -12,16 +12,6 @@ from microslip.messages.errors import CaseError
 from microslip.receptance.motions import output_motion
 from microslip.reduction.modal_structure import stuck_receptance
 
-N_DOF, N_PAIRS = 54, 6  # of the coarsest bar
-COARSE = {"divisions": (2, 1, 1), "modes": N_DOF}
-METHODS = {
-    "receptance": {},
-    "adaptive": {},
-    "full": {},
-    "craig-bampton": {},
-    "rubin": {},
-    "joint-interface-modes": {"interface_modes": 3 * N_PAIRS},
-}
 CONSTANT, ALONG = 30.0, np.array([1.0, 2.0, 2.0]) / 3.0  # N s/m
 DAMPERS = f'[[springs]]\ngroups = ["bar_end"]\ndirection = [1.0, 2.0, 2.0]\ndamping = {CONSTANT}\n'
 
@@ -50,14 +40,14 @@ def test_every_method_meets_a_direct_solution(comm, shared_path, eta):
         R = system.R.toarray()
         K_L = K + R.T @ K_J @ R
         C = 200.0 * M + 1e-6 * K_L + of_dampers(comm, structure)
-        p = np.random.default_rng(7).standard_normal((3 * N_PAIRS, 5))
-        f = np.zeros((N_DOF, 5))
+        p = np.random.default_rng(7).standard_normal((3 * COARSE_PAIRS, 5))
+        f = np.zeros((COARSE_DOF, 5))
         f[:, 1] = system.loads.toarray()[:, 0]
         forces = to_complex(f - R.T @ p)
         Z = [K_L - (n * omega) ** 2 * M + 1j * n * omega * C + 1j * eta * (n > 0) * K for n in range(3)]
         u = np.column_stack([np.linalg.solve(Z[n], forces[:, n]) for n in range(3)])
         exact = system.outputs @ u
-        for method, keys in METHODS.items():
+        for method, keys in EVERY_METHOD.items():
             amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
             np.testing.assert_allclose(amplitudes, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
 
@@ -86,8 +76,8 @@ def test_damping_of_fewer_modes_is_their_part_of_the_full_matrix(comm, shared_pa
     scene = damped(comm, shared_path)
     with microslip.build(scene, comm) as structure:
         damping = reduction_settings(scene).damping
-        all_modes, first = (stuck_receptance(structure.using(n), damping).modes.damping.C for n in (N_DOF, 10))
-        assert all_modes.shape == (N_DOF, N_DOF)
+        all_modes, first = (stuck_receptance(structure.using(n), damping).modes.damping.C for n in (COARSE_DOF, 10))
+        assert all_modes.shape == (COARSE_DOF, COARSE_DOF)
         np.testing.assert_array_equal(first, all_modes[:10, :10])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import small_fe
 from bar_loads import LOADS, dense, reduced_model, scene_with
-from bar_scene import by
+from bar_scene import COARSE, COARSE_DOF, COARSE_PAIRS, EVERY_METHOD, by
 from blocks import box
 from msh import write_msh
 from scene_text import steel, support, table
@@ -18,16 +18,6 @@ from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.receptance.motions import output_motion
 
-N_DOF, N_PAIRS = 54, 6  # of the coarsest bar
-COARSE = {"divisions": (2, 1, 1), "modes": N_DOF}
-METHODS = {
-    "receptance": {},
-    "adaptive": {},
-    "full": {},
-    "craig-bampton": {},
-    "rubin": {},
-    "joint-interface-modes": {"interface_modes": 3 * N_PAIRS},
-}
 PLACE = "position = [0.05, 0.01, 0.0]\n"
 ALONG = PLACE + "direction = [1.0, 0.5, 0.2]\n"
 
@@ -68,20 +58,20 @@ def test_every_method_meets_a_direct_solution(comm, shared_path):
         system, omega = structure.linearised.system, 1.003 * structure.modes.omega_n[0]
         K_L, M, K_J, R = stuck_stiffness(structure)
         C = 200.0 * M + 1e-6 * K_L
-        p = np.random.default_rng(7).standard_normal((3 * N_PAIRS, 5))
-        f = np.zeros((N_DOF, 5))
+        p = np.random.default_rng(7).standard_normal((3 * COARSE_PAIRS, 5))
+        f = np.zeros((COARSE_DOF, 5))
         f[:, 1] = system.loads.toarray()[:, 0]
         forces, p_n = to_complex(f - R.T @ p), to_complex(p)
         u = np.column_stack([np.linalg.solve(K_L - (n * omega) ** 2 * M + 1j * n * omega * C, forces[:, n]) for n in range(3)])
         exact = system.outputs @ u
         i_omega = 1j * omega * np.arange(3)
         exact[1], exact[2] = i_omega * exact[0], i_omega**2 * exact[0]
-        f_nl = (K_J @ R @ u + p_n).reshape(N_PAIRS, 3, 3)  # pair, direction, harmonic
+        f_nl = (K_J @ R @ u + p_n).reshape(COARSE_PAIRS, 3, 3)  # pair, direction, harmonic
         on_body_1 = -np.einsum("pia,pin->an", structure.pairs.frame, f_nl)
         exact[6], exact[7] = np.array([1.0, 0.5, 0.2]) @ on_body_1, -f_nl[:, 2].sum(axis=0)
         np.testing.assert_allclose(exact[5] * 2.0 * 2.1e11 / 2.6, exact[4], rtol=1e-9)
         scale = np.abs(exact).max(axis=1, keepdims=True)
-        for method, keys in METHODS.items():
+        for method, keys in EVERY_METHOD.items():
             amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
             np.testing.assert_allclose(amplitudes / scale, exact / scale, rtol=0.0, atol=1e-8, err_msg=method)
 
@@ -134,15 +124,15 @@ def test_a_moving_base_is_a_moving_support(comm, shared_path):
             rows = system.dof.ravel()
             base = np.tile(-a / omega**2, len(mesh.points))
             driven = -(Z @ np.where(rows < 0, base, 0.0))
-            f = np.zeros(N_DOF, dtype=complex)
+            f = np.zeros(COARSE_DOF, dtype=complex)
             f[rows[rows >= 0]] = driven[rows >= 0]
             u = np.linalg.solve(K_L - omega**2 * M, f)
             along = system.outputs.toarray()[3]
             of_base = np.array([1.0, 0.5, 0.2]) @ (-a / omega**2)
             exact = along @ u * np.array([1.0, 1j * omega, -(omega**2), 1.0]) - [0.0, 0.0, 0.0, of_base]
         exact = comm.bcast(exact)
-        p = np.zeros((3 * N_PAIRS, 7))
-        for method, keys in METHODS.items():
+        p = np.zeros((3 * COARSE_PAIRS, 7))
+        for method, keys in EVERY_METHOD.items():
             amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), level, omega, p))
             np.testing.assert_allclose(amplitudes[:, 1] / exact, 1.0, rtol=1e-8, err_msg=method)
             assert not np.abs(amplitudes[:, [0, 2, 3]]).max()
@@ -314,5 +304,5 @@ def test_a_joint_carries_the_mass_that_its_base_accelerates(comm, shared_path):
         scene = scene_with(comm, shared_path, loads=loads + more, outputs=force, divisions=(2, 1, 1), modes=12)
         with microslip.build(scene, comm) as structure:
             model = reduced_model(structure)
-            motion = output_motion(model, 3.0, 1000.0, np.zeros((3 * N_PAIRS, model.N_H)))
+            motion = output_motion(model, 3.0, 1000.0, np.zeros((3 * COARSE_PAIRS, model.N_H)))
         assert motion[0, 0] == pytest.approx(6.0 * (7800.0 * 0.05 * 0.01 * 0.02 + mass), rel=1e-9)

@@ -32,8 +32,6 @@ def scene(shared_path):
 
     def write(accuracy=None, **changes):
         system = scenes.gap_mass() | changes
-        for load in system["loads"]:
-            load.setdefault("phase", 0.0)
         solver = {"samples": 64, "points": 12} | ({"harmonics": 3} if accuracy is None else {"accuracy": accuracy})
         return microslip.read(on_root(COMM, lambda: write_matrix_scene(shared_path, system, (0.2,), (1.05, 1.4), **solver)))
 

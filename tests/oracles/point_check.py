@@ -17,6 +17,7 @@ import numpy as np
 import scipy.linalg
 
 from . import path
+from .scenes import cycle_work
 
 STICK, SLIP, OPEN = 0, 1, 2
 _LONG, _CLONG = np.longdouble, np.clongdouble
@@ -176,7 +177,7 @@ class Judge:
     def energies(self, omega: float, f, u, march, U) -> np.ndarray:
         """Return the work of the loads, the viscous loss and the loss of the pairs, each per cycle [J]."""
         D = np.pi * omega * sum(n * n * (u[:, c] @ self.C @ u[:, c]) for n in range(1, self.H + 1) for c in (2 * n - 1, 2 * n))
-        return np.array([work(f, u).sum(), float(D), work(march.p, U).sum()])
+        return np.array([cycle_work(f, u).sum(), float(D), cycle_work(march.p, U).sum()])
 
     def march(self, U: np.ndarray) -> March:
         """Return the contact law for the motion U (n_pairs, 3, N_H), or for several motions one after the other."""
@@ -269,12 +270,6 @@ def loads(system: dict, level: float, H: int) -> np.ndarray:
         if n > 0:
             f[:, 2 * n] -= vector * np.sin(phase)
     return f
-
-
-def work(F: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the closed integral of F dX over a cycle from coefficients (..., N_H) of both [J]."""
-    n = np.arange(1, F.shape[-1] // 2 + 1)
-    return np.pi * np.sum(n * (F[..., 1::2] * X[..., 2::2] - F[..., 2::2] * X[..., 1::2]), axis=-1)
 
 
 def refined_solve(A: np.ndarray, b: np.ndarray, rounds: int = 4) -> tuple[np.ndarray, float]:

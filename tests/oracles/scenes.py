@@ -6,8 +6,8 @@ A system holds
         rayleigh : (alpha, beta) of C = alpha M + beta K_L [1/s, s]
     pair_dofs : (n_pairs, 6) DOF x1, y1, z1, x2, y2, z2 of each pair, -1 = ground; R (3 n_pairs, n) follows from it
     mu, N0, k_t, k_n : (n_pairs,) friction coefficient, preload (negative: gap -N0 / k_n), stiffness
-    separate : (n_pairs,) bool, True where the two tangential directions slip independently
-    loads : dictionaries with vector (n,) [N per unit level], harmonic and phase;
+    separate : (n_pairs,) bool, True where the two tangential directions slip on their own
+    loads : dictionaries with vector (n,) [N per unit level], harmonic and phase, by default 0;
         force = level vector cos(harmonic omega t + phase), harmonic 0: level vector
     output : (n,) row of the observed displacement
     omega : (low, high) band of interest [rad/s]
@@ -43,7 +43,7 @@ def make_system(name, M, K, pair_dofs, *, mu, N0, k_t, k_n, loads, output, omega
         "K": K,
         "pair_dofs": pair_dofs,
         "R": incidence(pair_dofs, len(M)),
-        "loads": loads,
+        "loads": [{"phase": 0.0} | load for load in loads],
         "output": np.asarray(output, dtype=float),
         "omega": omega,
         "levels": levels,

@@ -8,16 +8,9 @@ import pytest
 from . import exact, path, scenes, shooting, time_integration
 
 
-def system_of(name):
-    system = scenes.SCENES[name]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
-    return system
-
-
 @pytest.mark.parametrize("omega", [1.12, 1.2, 1.3])
 def test_the_jenkins_mass_converges_to_second_order(omega):
-    point = shooting.Point(system_of("jenkins"), 0.8, omega)
+    point = shooting.Point(scenes.jenkins_mass(), 0.8, omega)
     a = exact.jenkins_steady_state(omega, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(1)
     errors, x = [], np.zeros(4)
     for N in (256, 1024):
@@ -31,7 +24,7 @@ def test_the_jenkins_mass_converges_to_second_order(omega):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["spatial", "chain"])
 def test_circles_varying_normal_force_and_lift_off_agree_with_a_march_from_rest(name):
-    system = system_of(name)
+    system = scenes.SCENES[name]()
     level, omega, states = max(system["levels"].values())
     march = time_integration.steady_state(system, omega, level, n_steps=128, tolerance=1e-5, scheme="exponential")
     point, (u, v, T) = shooting.Point(system, level, omega), march.restart
@@ -45,7 +38,7 @@ def test_circles_varying_normal_force_and_lift_off_agree_with_a_march_from_rest(
 
 
 def test_a_stuck_motion_is_linear_to_rounding():
-    system = system_of("chain")
+    system = scenes.chain()
     point = shooting.Point(system, 1e-3, 560.0)
     steady = point.steady(np.zeros(18 + 4), 64)
     assert steady.amplitude == pytest.approx(point.out_lin[1] - 1j * point.out_lin[2], rel=1e-12) and not steady.moved.any()
@@ -85,7 +78,7 @@ def test_sliders_under_a_given_motion_agree_with_the_path_law(separate):
 
 def test_drifting_sliders_reach_their_steady_state_at_once():
     """The state that plain time integration reaches after many periods is reached by Newton's method at once."""
-    system = system_of("spatial")
+    system = scenes.spatial_mass()
     level, omega, _ = max(system["levels"].values())
     point = shooting.Point(system, level, omega)
     steady = point.steady(np.zeros(8), 256)

@@ -32,8 +32,6 @@ LEVEL, OMEGAS = 100.0, [450.0, 555.0, 700.0]
 
 def chain(k_t=1.0, k_n=1.0, pairs=(0, 1), **damping):
     system = scenes.chain()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
     system["k_t"][list(pairs)] *= k_t
     system["k_n"][list(pairs)] *= k_n
     if damping:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bar_loads import dense, reduced_model, scene_with
-from bar_scene import by
+from bar_scene import COARSE, COARSE_DOF, COARSE_PAIRS, EVERY_METHOD, by
 from matrix_scenes import write_matrix_scene
 
 import microslip
@@ -18,8 +18,6 @@ from microslip.receptance.motions import output_motion
 from microslip.reduction.truncation import truncation_bound
 
 ETA = 0.03
-N_DOF, N_PAIRS = 54, 6  # of the coarsest bar
-COARSE = {"divisions": (2, 1, 1), "modes": N_DOF}
 KINDS = {
     "ratios": "ratios = [0.02, 0.001, 0.05]",
     "ratios and others": "ratios = [0.02, 0.001, 0.05]\nratio = 0.3",
@@ -28,21 +26,17 @@ KINDS = {
     "structural and ratio": f"structural = {ETA}\nratio = 0.01",
     "structural and rayleigh": f"structural = {ETA}\nrayleigh = [100.0, 1e-6]",
 }
-METHODS = {
-    "receptance": {},
-    "adaptive": {},
-    "full": {},
-    "craig-bampton": {},
-    "rubin": {},
-    "joint-interface-modes": {"interface_modes": 3 * N_PAIRS},
-}
 
 
 def ratios(kind: str) -> np.ndarray:
     """Return the ratios of the kinds above, mode by mode, as stated in the guide."""
-    computed = {"ratios": np.full(N_DOF, 0.05), "ratios and others": np.full(N_DOF, 0.3), "modes": np.full(N_DOF, 0.01)}.get(kind)
+    computed = {
+        "ratios": np.full(COARSE_DOF, 0.05),
+        "ratios and others": np.full(COARSE_DOF, 0.3),
+        "modes": np.full(COARSE_DOF, 0.01),
+    }.get(kind)
     if computed is None:
-        return np.full(N_DOF, 0.01 if kind == "structural and ratio" else 0.0)
+        return np.full(COARSE_DOF, 0.01 if kind == "structural and ratio" else 0.0)
     if kind == "modes":
         computed[[2, 0]] = 0.2, 0.0
     else:
@@ -69,13 +63,13 @@ def test_every_method_meets_a_direct_solution(comm, shared_path, kind):
     scene = scene_with(comm, shared_path, damping=KINDS[kind], harmonics=2, **COARSE)
     with microslip.build(scene, comm) as structure:
         system, omega = structure.linearised.system, 1.003 * structure.modes.omega_n[0]
-        p = np.random.default_rng(7).standard_normal((3 * N_PAIRS, 5))
-        f = np.zeros((N_DOF, 5))
+        p = np.random.default_rng(7).standard_normal((3 * COARSE_PAIRS, 5))
+        f = np.zeros((COARSE_DOF, 5))
         f[:, 1] = system.loads.toarray()[:, 0]
         forces = to_complex(f - system.R.T @ p)
         exact = np.column_stack([np.linalg.solve(dynamic_stiffness(structure, kind, omega, n), forces[:, n]) for n in range(3)])
         exact = system.outputs @ exact
-        for method, keys in METHODS.items():
+        for method, keys in EVERY_METHOD.items():
             amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
             np.testing.assert_allclose(amplitudes, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
 
@@ -142,7 +136,7 @@ def test_the_bound_covers_the_effect_of_truncated_modes(comm, shared_path, n_mod
     scene = scene_with(comm, shared_path, damping="structural = 0.05", **COARSE)
     with microslip.build(scene, comm) as structure:
         bound = truncation_bound(structure, reduction_settings(scene)).total[n_modes - 1]
-        omegas, p = structure.modes.omega_n[0] * np.linspace(0.9, 1.1, 11), np.zeros((3 * N_PAIRS, 7))
+        omegas, p = structure.modes.omega_n[0] * np.linspace(0.9, 1.1, 11), np.zeros((3 * COARSE_PAIRS, 7))
         few = replace(structure.with_modes(first_of(structure.modes, n_modes)), results={})
         exact, computed = (
             np.array([to_complex(output_motion(model, 1.0, omega, p))[0, 1] for omega in omegas])
@@ -157,7 +151,7 @@ def test_error_bars_include_truncated_modes_with_structural_damping(comm, shared
     """Near the resonance, where all pairs stick: the truncation error lies within the error bar, and not far within."""
     few, every = (
         scene_with(comm, shared_path, damping="structural = 0.05", **(COARSE | {"modes": m}), name=f"{m}")
-        for m in (n_modes, N_DOF)
+        for m in (n_modes, COARSE_DOF)
     )
     values = []
     for scene in (few, every):

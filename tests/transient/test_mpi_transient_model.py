@@ -17,13 +17,6 @@ pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 
 
-def system_of(name):
-    system = scenes.SCENES[name]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
-    return system
-
-
 def period_of(model):
     """Return contact forces of a period, (n_steps, 2, 3 n_pairs), in which pairs slip."""
     zero = np.zeros((2, len(model.modes.omega_n)))
@@ -33,7 +26,7 @@ def period_of(model):
 
 @pytest.mark.parametrize("n_rows", [1, 4, 512])
 def test_g_is_the_static_flexibility_without_the_modes(monkeypatch, n_rows):
-    system = system_of("chain")
+    system = scenes.chain()
     monkeypatch.setattr(transient_model, "_BLOCK", n_rows)
     model = transient_model.transient_model(*reduced(system, COMM, 3, 2))
     whole = np.linalg.inv(system["K"] + system["R"].T @ (model.law.springs.ravel()[:, None] * system["R"]))
@@ -42,7 +35,7 @@ def test_g_is_the_static_flexibility_without_the_modes(monkeypatch, n_rows):
 
 
 def test_a_march_by_blocks_of_rows_is_the_same(monkeypatch):
-    model = transient_model.transient_model(*reduced(system_of("chain"), COMM, 3, 2))
+    model = transient_model.transient_model(*reduced(scenes.chain(), COMM, 3, 2))
     expected = period_of(model)
     monkeypatch.setattr(march, "_BLOCK", 2)
     assert np.count_nonzero(expected.any(axis=(0, 1))) > 2
@@ -50,7 +43,7 @@ def test_a_march_by_blocks_of_rows_is_the_same(monkeypatch):
 
 
 def test_a_model_beyond_the_memory_is_rejected_before_any_solve(monkeypatch):
-    model, law = reduced(system_of("chain"), COMM, 3)
+    model, law = reduced(scenes.chain(), COMM, 3)
     monkeypatch.setattr(transient_model, "_CHECKED_FROM", 0.0)
     needed, left = 72.0 * model.n_pairs**2 * (2 if COMM.size == 1 else 4), 0.0
     monkeypatch.setattr(memory, "limits_here", lambda machine, process, resident: [Limit("the test", machine, left)])

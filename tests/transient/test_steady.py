@@ -18,13 +18,6 @@ COMM = MPI.COMM_SELF
 pytestmark = pytest.mark.slow
 
 
-def system_of(name):
-    system = scenes.SCENES[name]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
-    return system
-
-
 def marched(system, omega, level, n_steps, accelerated=True, tolerance=1e-8, n_modes=None, most=400):
     """Return model, omega, level and the steady state reached from rest."""
     model, parameters = reduced(system, COMM, 3, n_modes)
@@ -46,7 +39,7 @@ def test_the_jenkins_mass_converges_to_its_exact_steady_state_at_second_order():
         [exact.jenkins_steady_state(w, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(15) for w in omegas]
     )
     for n_steps in (32, 128):
-        transient, _, level, steady = marched(system_of("jenkins"), omegas, 0.8, n_steps, tolerance=1e-6)
+        transient, _, level, steady = marched(scenes.jenkins_mass(), omegas, 0.8, n_steps, tolerance=1e-6)
         errors.append(np.abs(output(transient, level, steady) - expected).max() / np.abs(expected).max())
     assert errors[1] < 2e-3
     assert np.log2(errors[0] / errors[1]) / 2.0 == pytest.approx(2.0, abs=0.5)
@@ -55,7 +48,7 @@ def test_the_jenkins_mass_converges_to_its_exact_steady_state_at_second_order():
 @pytest.mark.parametrize("name, level, omega", [("spatial", 0.4, 1.3), ("spatial", 1.2, 1.2), ("chain", 100.0, 560.0)])
 def test_the_steady_state_agrees_with_the_march_of_the_unreduced_system(name, level, omega):
     """Another scheme, all coordinates, another condensation of contact; the same steps, so that the law is sampled equally."""
-    system = system_of(name)
+    system = scenes.SCENES[name]()
     transient, _, levels, steady = marched(system, omega, level, 64, tolerance=1e-6)
     other = time_integration.steady_state(
         system, omega, level, n_steps=64, scheme="exponential", tolerance=1e-5, coarse=1, law="return"
@@ -69,7 +62,7 @@ def test_the_steady_state_agrees_with_the_march_of_the_unreduced_system(name, le
 def test_the_work_of_the_load_is_lost_by_damping_and_friction(name, level, omega):
     closures = []
     for n_steps in (64, 128):
-        transient, omegas, levels, steady = marched(system_of(name), omega, level, n_steps)
+        transient, omegas, levels, steady = marched(scenes.SCENES[name](), omega, level, n_steps)
         work, damping, friction = energies(transient, omegas, levels, steady.cycle)
         assert friction[0] > 0.01 * work[0] > 0.0
         closures.append(abs(work - damping - friction)[0] / work[0])
@@ -78,7 +71,7 @@ def test_the_work_of_the_load_is_lost_by_damping_and_friction(name, level, omega
 
 def test_accelerated_and_plain_integration_have_the_same_steady_state():
     """Both start at rest; the mass slips in every cycle, which removes the initial state."""
-    system = system_of("spatial")
+    system = scenes.spatial_mass()
     transient, _, level, quick = marched(system, [1.3, 1.6], 0.6, 32)
     _, _, _, slow = marched(system, [1.3, 1.6], 0.6, 32, accelerated=False)
     assert output(transient, level, quick) == pytest.approx(output(transient, level, slow), abs=1e-6)
@@ -86,7 +79,7 @@ def test_accelerated_and_plain_integration_have_the_same_steady_state():
 
 
 def test_the_steady_period_repeats():
-    transient, omega, level, steady = marched(system_of("spatial"), [1.3, 1.6], 0.6, 32)
+    transient, omega, level, steady = marched(scenes.spatial_mass(), [1.3, 1.6], 0.6, 32)
     march = March(transient, omega, level, 32)
     z, p, cycle = march.period(steady.start.z, steady.start.p)
     before, after = march.scheme.pack(steady.start.z), march.scheme.pack(z)
@@ -98,7 +91,7 @@ def test_the_steady_period_repeats():
 @pytest.mark.parametrize("n_modes", [2, None])
 def test_harmonic_balance_converges_to_the_steady_state_with_more_harmonics(n_modes):
     """The same reduced model, with or without truncated modes, and the same samples: the difference is due to harmonics."""
-    system, omega, level, values = {**system_of("chain"), "sampled": True}, 560.0, 20.0, []
+    system, omega, level, values = {**scenes.chain(), "sampled": True}, 560.0, 20.0, []
     for H in (1, 3, 9):
         points = branch(
             system, COMM, level, low=550.0, high=570.0, H=H, n_samples=128, at=(omega,), points=4, n_modes=n_modes
@@ -116,7 +109,7 @@ def test_harmonic_balance_converges_to_the_steady_state_with_more_harmonics(n_mo
 
 
 def test_the_linear_response_is_exact():
-    system = system_of("chain")
+    system = scenes.chain()
     transient, omega, level, steady = marched(system, [410.0, 560.0, 777.0], 0.01, 128)
     model, _ = reduced(system, COMM, 3)
     none = np.zeros((3 * model.n_pairs, model.N_H))

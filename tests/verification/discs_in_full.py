@@ -31,7 +31,8 @@ initialise()  # before anything imports PETSc
 
 from discs import of_ring, write_ring, write_sector
 from mpi4py import MPI
-from oracles.point_check import Judge, relative, work
+from oracles.point_check import Judge, relative
+from oracles.scenes import cycle_work
 from scene_text import table
 
 from microslip.continuation.point_record import HELD
@@ -173,7 +174,7 @@ class Ring:
         size = np.linalg.norm(f) + np.linalg.norm(self.R.T @ (by_law + stiff * U).reshape(-1, N_H))
         n = (np.arange(N_H) + 1) // 2
         loss = np.pi * point.omega * RAYLEIGH * float(np.sum(n**2 * np.einsum("ih,ih->h", u, self.M @ u)))
-        energies = np.array([work(f, u).sum(), loss, work(by_law, U).sum()])
+        energies = np.array([cycle_work(f, u).sum(), loss, cycle_work(by_law, U).sum()])
         stated = N * np.array([point.input, point.damping, point.friction])
         response = self.O @ u
         return {

@@ -39,18 +39,10 @@ CASES = {
 }
 
 
-def system_of(case: Case) -> dict:
-    """Return the system with the phase of every load stated."""
-    system = scenes.SCENES[case.scene]()
-    for load in system["loads"]:
-        load.setdefault("phase", 0.0)
-    return system
-
-
 def balanced(case: Case, omegas, H: int, n_samples: int, points: int = 60) -> list:
     """Return the points of the branch at ``omegas``, ascending."""
     curve = branch(
-        system_of(case),
+        scenes.SCENES[case.scene](),
         MPI.COMM_SELF,
         case.level,
         low=0.97 * min(omegas),
@@ -67,13 +59,20 @@ def balanced(case: Case, omegas, H: int, n_samples: int, points: int = 60) -> li
 def marched(case: Case, omega: float, n_steps: int, start=None, tolerance=1e-7):
     """Return the steady state by time integration."""
     return time_integration.steady_state(
-        system_of(case), omega, case.level, n_steps=n_steps, harmonics=31, scheme="exponential", start=start, tolerance=tolerance
+        scenes.SCENES[case.scene](),
+        omega,
+        case.level,
+        n_steps=n_steps,
+        harmonics=31,
+        scheme="exponential",
+        start=start,
+        tolerance=tolerance,
     )
 
 
 def state_at_start(case: Case, point) -> tuple:
     """Return u, v and T at t = 0 of a point of a branch of one mass (R is the identity on its DOFs)."""
-    system, n = system_of(case), np.arange(1, point.U.shape[-1] // 2 + 1)
+    system, n = scenes.SCENES[case.scene](), np.arange(1, point.U.shape[-1] // 2 + 1)
     u = point.U[0, :, 0] + point.U[0, :, 1::2].sum(axis=1)
     v = point.omega * point.U[0, :, 2::2] @ n
     T = system["k_t"][0] * u[:2] + point.p[0, :2, 0] + point.p[0, :2, 1::2].sum(axis=1)
@@ -83,7 +82,7 @@ def state_at_start(case: Case, point) -> tuple:
 
 def difference(case: Case, point, steady) -> tuple[float, float]:
     """Return the largest difference of the output over the period, and of its harmonic 1 (amplitude and phase) [m]."""
-    output = system_of(case)["output"]
+    output = scenes.SCENES[case.scene]()["output"]
     N_H = point.response.shape[-1]
     wave = point.response[0] @ scenes.harmonic_basis(N_H // 2, len(steady.u)) - steady.u @ output
     return float(np.abs(wave).max()), float(np.hypot(*(point.response[0] - (output @ steady.u_hat)[:N_H])[1:3]))
@@ -91,7 +90,7 @@ def difference(case: Case, point, steady) -> tuple[float, float]:
 
 def main():
     for name, case in CASES.items():
-        output = system_of(case)["output"]
+        output = scenes.SCENES[case.scene]()["output"]
         steady, coarse = ({omega: marched(case, omega, n_steps) for omega in case.omegas} for n_steps in (1024, 512))
         change = max(np.abs(steady[omega].u[::2] @ output - coarse[omega].u @ output).max() for omega in case.omegas)
         peak = max(np.hypot(*(output @ steady[omega].u_hat)[1:3]) for omega in case.omegas)
