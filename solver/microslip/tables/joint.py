@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from ..contact.keys import ELASTIC_COULOMB, KEYS, ROUGH
-from ..messages.words import listed
-from .table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
+from ..messages.words import listed, quoted
+from .table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector, any_of
 
 LAWS_OF_KEY = {key: tuple(law for law in KEYS if key in KEYS[law].all) for keys in KEYS.values() for key in keys.all}
 OF_FILE = {key for keys in KEYS.values() for key in keys.of_file}  # keys whose place a CSV file of pairs takes
@@ -24,7 +24,7 @@ def check_law(joint: Mapping[str, Any], stated: Set[str]) -> None:
     law = joint["law"]
     for key, laws in LAWS_OF_KEY.items():
         if key in stated and law not in laws:
-            raise ValueError(f"{key} belongs to law = {' or '.join(map(_quoted, laws))}; this joint has law = {_quoted(law)}")
+            raise ValueError(f"{key} belongs to law = {' or '.join(map(quoted, laws))}; this joint has law = {quoted(law)}")
     for key in ("friction", "tangential_stiffness"):
         if isinstance(joint[key], tuple):
             _check_directions(joint, key)
@@ -35,7 +35,7 @@ def check_law(joint: Mapping[str, Any], stated: Set[str]) -> None:
 def _check_directions(joint: Mapping[str, Any], key: str) -> None:
     """Raise ValueError where a joint states two numbers of a key that its law takes for both directions alike."""
     if joint["law"] != ELASTIC_COULOMB:
-        raise ValueError(f"{key}: law = {_quoted(joint['law'])} takes one number for both directions")
+        raise ValueError(f"{key}: law = {quoted(joint['law'])} takes one number for both directions")
     if joint["friction_limit"] != "separate":
         raise ValueError(f'{key} = [x, y] needs friction_limit = "separate": a friction circle has one number for both')
     if joint["parameters"] is not None or joint["fields"]:
@@ -47,19 +47,15 @@ def _check_rough(joint: Mapping[str, Any]) -> None:
     """Raise ValueError where rough surfaces have no pressure at rest, or their power law is incompletely stated."""
     if joint["preload"] == "static" and joint["exponent"] is None:
         raise ValueError(
-            f'preload = "static": the exponential of law = {_quoted(ROUGH)} has a pressure at every approach; state in Pa '
+            f'preload = "static": the exponential of law = {quoted(ROUGH)} has a pressure at every approach; state in Pa '
             "the pressure of the unloaded mesh, from which [statics] starts; or a power law, by exponent and roughness_pressure, "
             "which starts without pressure"
         )
     if joint["preload"] == 0.0:
-        raise ValueError(f"preload = 0: rough surfaces that carry nothing have no stiffness, law = {_quoted(ROUGH)} needs some")
+        raise ValueError(f"preload = 0: rough surfaces that carry nothing have no stiffness, law = {quoted(ROUGH)} needs some")
     if (joint["exponent"] is None) != (joint["roughness_pressure"] is None):
         there, missing = ("exponent", "roughness_pressure")[:: 1 if joint["roughness_pressure"] is None else -1]
         raise ValueError(f"{there} without {missing}: a power takes both, the exponential neither")
-
-
-def _quoted(word: str) -> str:
-    return f'"{word}"'
 
 
 OfPoints = Literal["friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"]
@@ -67,7 +63,6 @@ if TYPE_CHECKING:
     Law = str
 else:
     Law = Literal[tuple(KEYS)]
-_QUOTED = [f'"{name}"' for name in KEYS]
 OF_SURFACES = tuple(
     "preload gap tolerance against next_sector plane_point plane_normal pairing tangent parameters fields".split()
 )
@@ -103,7 +98,7 @@ class Joint(Table):
         min_length=1,
         description="the path of a CSV file of pairs of nodes with normals and areas, of a model given as matrices",
     )
-    law: Law = Field(ELASTIC_COULOMB, description=f"the contact law, {', '.join(_QUOTED[:-1])} or {_QUOTED[-1]}")
+    law: Law = Field(ELASTIC_COULOMB, description=f"the contact law, {any_of(tuple(KEYS))}")
     friction: NotNegative | TwoPositive | None = Field(None, description="the friction coefficient, a number of at least 0")
     tangential_stiffness: Positive | TwoPositive | None = Field(
         None, description="the stiffness per unit area in N/m3, a number above 0"
