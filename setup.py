@@ -15,7 +15,7 @@ def kernel(room, name, *headers):
     """Return the extension _NAME of a room: its bridge, and its C file for each kind of processor."""
     folder = f"solver/microslip/{room}"
     sources = [f"{folder}/_{name}.pyx", *(f"{folder}/{name}{kind}.c" for kind in ("", "_v3", "_v4"))]
-    depends = [f"{folder}/{file}" for file in (f"{name}.h", f"{name}.c", *headers)]
+    depends = [f"{folder}/{file}" for file in (f"{name}.h", f"{name}.c", *headers)] + ["solver/microslip/system/processors.h"]
     return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 

@@ -1,10 +1,10 @@
-/* The entry points of elastic_coulomb.c, which is compiled once for each kind of processor, selected at run time.  Vector types
- * require separate files: operations missing in the baseline of x86-64 are lowered before a function's own target attribute
- * applies. */
+/* The entry points of elastic_coulomb.c, which is compiled once for each kind of processor. */
 #ifndef MICROSLIP_ELASTIC_COULOMB_H
 #define MICROSLIP_ELASTIC_COULOMB_H
 
 #include <stddef.h>
+
+#include "../system/processors.h"
 
 typedef ptrdiff_t index_t;
 
@@ -29,16 +29,6 @@ typedef struct {
     int aft_leaves##suffix(const aft_tables *t, const aft_pairs *pairs, index_t n, unsigned char *leaves);                   \
     int aft_march##suffix(const aft_tables *t, const aft_pairs *pairs, index_t m, const index_t *active, double *p,          \
                           unsigned char *state, unsigned char *drifts, double *P);
-DECLARE(_baseline)
-
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__INTEL_COMPILER) && __GNUC__ >= 12
-#define FOR_EACH_PROCESSOR
-DECLARE(_v3)
-DECLARE(_v4)
-#define OF_THIS_PROCESSOR(name)                                                                                              \
-    (__builtin_cpu_supports("x86-64-v4") ? name##_v4 : __builtin_cpu_supports("x86-64-v3") ? name##_v3 : name##_baseline)
-#else
-#define OF_THIS_PROCESSOR(name) name##_baseline
-#endif
+DECLARE_KERNELS
 
 #endif

@@ -1,8 +1,10 @@
-/* The entry points of row_products.c, which is compiled once for each kind of processor, as the contact kernel is. */
+/* The entry points of row_products.c, which is compiled once for each kind of processor. */
 #ifndef MICROSLIP_ROW_PRODUCTS_H
 #define MICROSLIP_ROW_PRODUCTS_H
 
 #include <stddef.h>
+
+#include "../system/processors.h"
 
 typedef ptrdiff_t index_t;
 
@@ -20,16 +22,6 @@ typedef struct {                                    /* m modes that respond in s
     void project_rows_##type##suffix(index_t m, const type *const *rows, index_t n, const type *x, index_t N, type *y); \
     void answer_rows_##type##suffix(type *y, index_t N, index_t n, modal_answer modes, const type *R, index_t n_rows);
 #define DECLARE(suffix) DECLARE_OF(double, suffix) DECLARE_OF(float, suffix)
-DECLARE(_baseline)
-
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__INTEL_COMPILER) && __GNUC__ >= 12
-#define FOR_EACH_PROCESSOR
-DECLARE(_v3)
-DECLARE(_v4)
-#define OF_THIS_PROCESSOR(name)                                                                                              \
-    (__builtin_cpu_supports("x86-64-v4") ? name##_v4 : __builtin_cpu_supports("x86-64-v3") ? name##_v3 : name##_baseline)
-#else
-#define OF_THIS_PROCESSOR(name) name##_baseline
-#endif
+DECLARE_KERNELS
 
 #endif
