@@ -26,7 +26,7 @@ class Preloaded:
     k_n: np.ndarray  # (n,) normal stiffness [N/m]
     open_at_rest: np.ndarray = field(
         default_factory=lambda: np.zeros(1, dtype=bool), kw_only=True
-    )  # (n,) bool: open at rest, without springs: docs/theory.md, eq. (3.8)
+    )  # (n,) bool: open at rest, without springs (3.8)
 
     @property
     def springs(self) -> np.ndarray:
