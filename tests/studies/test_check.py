@@ -1,4 +1,4 @@
-"""What `check` lists of a model file and draws of it, and which units it suspects."""
+"""The output of `check` on a model file: its list, its picture, and suspected units."""
 
 from types import SimpleNamespace
 
@@ -36,7 +36,7 @@ def said(path, out=None):
     return "\n".join(_lines(str(path), out))
 
 
-def test_all_that_a_file_states_is_listed(tmp_path):
+def test_all_entries_of_a_file_are_listed(tmp_path):
     (tmp_path / "m.inp").write_text(inp(plain(), ("*Gap, elset=D", "0.1")))
     text = said(tmp_path / "m.inp")
     for words in (
@@ -63,7 +63,7 @@ def test_loads_at_rest_that_a_scene_takes_over_are_not_to_be_answered(tmp_path):
 
 
 def test_materials_with_axes_are_listed(tmp_path):
-    """The first instance is turned by a right angle, and its axes with it."""
+    """The first instance is rotated by a right angle, and its axes with it."""
     elastic = "*Elastic\n210000000000.0, 0.3\n"
     section = "*Solid Section, elset=ALL, material=Steel"
     text = inp(plain())
@@ -88,7 +88,7 @@ def test_every_format_is_listed(tmp_path, ending):
 
 
 @pytest.mark.parametrize("units", UNITS)
-def test_units_that_cannot_be_meant_are_suspected(units):
+def test_implausible_units_are_suspected(units):
     size = 0.7 / UNITS[units].length
     assert suspicion(size, {"STEEL": STEEL[units]}, UNITS[units]) == ""
     text = suspicion(size, {"STEEL": STEEL[units]}, UNITS["m-kg-s"], 7.8e6)
@@ -99,7 +99,7 @@ def test_units_that_cannot_be_meant_are_suspected(units):
         assert text.endswith(f'units = "{units}"') and "0.7 m across" in text
 
 
-def test_a_mesh_in_millimetres_is_suspected_with_its_weight():
+def test_a_mesh_in_millimetres_is_suspected_by_its_mass():
     text = suspicion(1000.0, {"steel": STEEL["m-kg-s"]}, UNITS["m-kg-s"], 7.8e6)
     assert text == (
         "units suspected: the mesh measures 1000 m across and weighs 7.8e+06 kg; if it is in millimetres, state scale = 0.001"
@@ -108,7 +108,7 @@ def test_a_mesh_in_millimetres_is_suspected_with_its_weight():
     assert suspicion(1.0, {}, UNITS["m-kg-s"]) == ""
 
 
-def test_findings_that_repeat_stand_once_and_long_lists_end():
+def test_repeated_findings_are_listed_once_and_long_lists_end():
     findings = [Finding(word="CBAR", where=f"CBAR {i}", effect="a bar", changes=True) for i in range(50)]
     findings += [Finding(word="PLOTEL", where="PLOTEL 1", effect="a line that is drawn", changes=False)]
     assert content.passed_over(SimpleNamespace(findings=tuple(findings), statics=None)) == [
@@ -145,7 +145,7 @@ def test_the_picture_shows_bodies_joint_and_support(tmp_path, monkeypatch):
     )
     marks = marks_of_scene(mesh, own)
     assert [mark.label for mark in marks] == ["joint joint", "held: base", "load 1", "output tip"]
-    for most in (picture.MOST_FACES, 40):  # as it is, and with nodes drawn together
+    for most in (picture.MOST_FACES, 40):  # unchanged, and with nodes merged
         monkeypatch.setattr(picture, "MOST_FACES", most)
         (line,) = draw(tmp_path / str(most), mesh, marks, "two boxes")
         image = imread(line.removeprefix("picture    "))
@@ -155,7 +155,7 @@ def test_the_picture_shows_bodies_joint_and_support(tmp_path, monkeypatch):
     assert len(coarse) < skin_of_mesh(mesh).n_faces and set(body) == {0, 1}
 
 
-def test_the_guide_shows_what_check_says_of_the_demos_method():
+def test_the_guide_shows_the_output_of_check_on_the_demos_method():
     guide = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")
     assert "\n".join(f"    {line}" for line in _solution(read_scene(ROOT / "jobs" / "fan_small.toml"), 9693, 46)) in guide
 
@@ -163,5 +163,5 @@ def test_the_guide_shows_what_check_says_of_the_demos_method():
 @pytest.mark.parametrize(
     ("young", "size", "units"), [(2.0e5, 17.3, "mm-t-s"), (2.9e7, 17.3, "in-lbf-s"), (2.0e3, 300.0, "mm-t-s")]
 )
-def test_of_units_that_are_plausible_those_of_metals_come_first(young, size, units):
+def test_units_plausible_for_metals_come_first(young, size, units):
     assert better_units(size, [Material.of_file(young=young)])[0] == units

@@ -1,4 +1,4 @@
-"""The numbers of a comparison, its table and its files."""
+"""The figures of a comparison, its table and its files."""
 
 import csv
 from dataclasses import replace
@@ -49,7 +49,7 @@ def test_a_method_that_ends_early_is_compared_where_it_has_points():
     assert "no convergence" in table([numbers(EXACT, EXACT), nothing], EXACT)
 
 
-def test_of_statics_the_displacement_is_told():
+def test_the_displacement_of_statics_is_listed():
     def still(method, mean):
         points = [
             SimpleNamespace(omega=1.0, response=np.array([[mean, 0.0, 0.0]]), friction=0.0, unknowns=6, newton=2, seconds=0.01)
@@ -61,14 +61,14 @@ def test_of_statics_the_displacement_is_told():
     assert "-2.2e-06" in table([row], still("full", -2e-6))
 
 
-def test_the_unit_of_the_output_is_told():
+def test_the_unit_of_the_output_is_listed():
     shown = replace(EXACT, shown=shown_with(3, "m/s2", "1"))
     row = numbers(shown, shown)
     assert list(row)[-1] == "unit" and row["unit"] == "m/s2" and numbers(replace(shown, points=[]), shown)["unit"] == "m/s2"
     assert "peak" in table([row], shown) and "m/s2" in table([row], shown)
 
 
-def test_the_files_hold_every_row(tmp_path):
+def test_the_files_have_every_row(tmp_path):
     rows = [
         EXACT,
         row("full", (2.0, 8.0, 4.0), level=2.0),

@@ -1,4 +1,4 @@
-"""Two results compared: exact curves with a fold, other points, parts of curves, what was asked for, verdicts."""
+"""Two results compared: exact curves with a fold, other points, parts of curves, settings, verdicts."""
 
 import json
 from dataclasses import replace
@@ -27,13 +27,13 @@ def pairs():
 
 @pytest.fixture(scope="module")
 def results(pairs, tmp_path_factory) -> ResultFile:
-    """Two levels and two outputs."""
+    """Return results with two levels and two outputs."""
     curves = [branch(level, pairs, n_outputs=2) for level in (1.0, 8.0)]
     return read_results(write(tmp_path_factory.mktemp("diff"), curves, pairs, outputs=("tip", "root")))
 
 
 def other(results: ResultFile, number: int = 1, **arrays) -> ResultFile:
-    """Return results with other arrays of a level."""
+    """Return results with changed arrays of a level."""
     levels = list(results.levels)
     levels[number] = replace(levels[number], arrays={**levels[number].arrays, **arrays})
     return replace(results, levels=tuple(levels))
@@ -43,7 +43,7 @@ def other(results: ResultFile, number: int = 1, **arrays) -> ResultFile:
 
 
 def bent(s: np.ndarray, bend: float = 0.03) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequency [Hz] and complex amplitude of a resonance that leans to the left by ``bend``, so that it folds.
+    """Return frequency [Hz] and complex amplitude of a resonance inclined to the left by ``bend``, so that it folds.
 
     s is the angle of phase: the amplitude is sin s, exactly, at F_N (1 - bend sin^2 s) - ZETA F_N / tan s.
     """
@@ -51,7 +51,7 @@ def bent(s: np.ndarray, bend: float = 0.03) -> tuple[np.ndarray, np.ndarray]:
 
 
 def of_curve(frequency, z) -> ResultFile:
-    """Return results of one level with these points, a mean and harmonic 3 that follow them."""
+    """Return results of one level with these points, with a mean and harmonic 3 that depend on them."""
     first = branch(1.0, no_pairs(), n_points=len(frequency))
     level = level_result(first, (1, 0, 7), COMPLETE)
     response = np.zeros((len(frequency), 1, 7))
@@ -68,7 +68,7 @@ def test_the_curve_folds_and_its_width_is_that_of_its_damping():
     assert half_width(frequency, np.abs(z)) == pytest.approx(ZETA * F_N, rel=0.01)
 
 
-def test_one_folded_curve_by_other_points_is_the_same_one():
+def test_a_folded_curve_at_other_points_is_the_same():
     first = of_curve(*bent(np.linspace(0.15, np.pi - 0.15, 90)))
     second = of_curve(*bent(0.15 + (np.pi - 0.3) * np.linspace(0.0, 1.0, 131) ** 1.2))
     for a, b in ((first, second), (second, first)):
@@ -80,7 +80,7 @@ def test_one_folded_curve_by_other_points_is_the_same_one():
         assert not compared(a, b, tolerance=1e-8).is_same
 
 
-def test_points_of_the_other_curve_are_met_to_rounding():
+def test_common_points_of_two_curves_agree_to_rounding():
     s = np.linspace(0.15, np.pi - 0.15, 201)
     comparison = compared(of_curve(*bent(s)), of_curve(*bent(np.delete(s, np.arange(3, 200, 7)))))
     assert comparison.is_same and 1e-8 < comparison.levels[0].difference < 1e-3
@@ -89,16 +89,16 @@ def test_points_of_the_other_curve_are_met_to_rounding():
 
 
 @pytest.mark.parametrize("factor", [1.01, 1.2])
-def test_a_higher_curve_is_as_much_higher(factor):
+def test_the_difference_of_a_higher_curve_is_its_factor(factor):
     frequency, z = bent(np.linspace(0.05, np.pi - 0.05, 200))
-    again, w = bent(np.linspace(0.06, np.pi - 0.06, 170))
-    comparison = compared(of_curve(frequency, z), of_curve(again, factor * w))
+    higher, w = bent(np.linspace(0.06, np.pi - 0.06, 170))
+    comparison = compared(of_curve(frequency, z), of_curve(higher, factor * w))
     (level,) = comparison.levels
     assert not comparison.is_same and level.outputs[0].peak[1] == pytest.approx(factor, rel=1e-4)
-    assert (factor - 1.0) * 0.9 < level.beyond < (factor - 1.0) * 1.4  # harmonic 3 adds a little
+    assert (factor - 1.0) * 0.9 < level.beyond < (factor - 1.0) * 1.4  # harmonic 3 adds a small part
 
 
-def test_a_shift_by_a_hundredth_of_the_width_is_seen_on_the_flanks():
+def test_a_shift_by_a_hundredth_of_the_width_is_detected_on_the_flanks():
     frequency, z = bent(np.linspace(0.05, np.pi - 0.05, 400), bend=0.0)
     shifted, w = bent(np.linspace(0.05, np.pi - 0.05, 333), bend=0.0)
     comparison = compared(of_curve(frequency, z), of_curve(shifted + 0.01 * ZETA * F_N, w))
@@ -108,7 +108,7 @@ def test_a_shift_by_a_hundredth_of_the_width_is_seen_on_the_flanks():
     assert 0.006 < level.difference < 0.0105  # the slope of z over the frequency in half widths is 1 at most
 
 
-def test_resolution_is_more_than_what_a_curve_misses_and_nothing_at_its_points():
+def test_resolution_bounds_the_interpolation_error_and_is_zero_at_points():
     s = np.linspace(0.05, np.pi - 0.05, 60)
     frequency, z = bent(s)
     X = np.column_stack([frequency / (ZETA * F_N), z.real, z.imag])
@@ -127,7 +127,7 @@ def test_curves_of_few_points(n):
     assert len(text_of(compared(few, all_of_them))) > 100
 
 
-def test_points_on_top_of_each_other_are_one():
+def test_coincident_points_are_merged():
     frequency, z = bent(np.linspace(0.05, np.pi - 0.05, 50))
     twice = np.repeat(np.arange(50), 1 + (np.arange(50) % 3 == 0))
     assert compared(of_curve(frequency, z), of_curve(frequency[twice], z[twice]), tolerance=1e-12).is_same
@@ -152,7 +152,7 @@ def test_the_same_results_are_the_same(results):
     assert comparison.levels[1].n_other_state == 0 and comparison.levels[1].same_points
 
 
-def test_order_of_levels_and_outputs_does_not_count(results):
+def test_the_order_of_levels_and_outputs_does_not_matter(results):
     levels = [replace(level, arrays={**level.arrays, "response": level.response[:, ::-1]}) for level in reversed(results.levels)]
     comparison = compared(results, replace(results, levels=tuple(levels), outputs=("root", "tip")))
     assert (
@@ -162,7 +162,7 @@ def test_order_of_levels_and_outputs_does_not_count(results):
     )
 
 
-def test_a_difference_at_the_same_points_is_over_the_peak_of_its_output(results):
+def test_a_difference_at_the_same_points_is_relative_to_the_peak_of_its_output(results):
     response = results.levels[1].response.copy()
     peak = np.hypot(*response[:, 1, 1:3].T).max()
     response[10, 1, 5] += 2e-5 * peak
@@ -173,13 +173,13 @@ def test_a_difference_at_the_same_points_is_over_the_peak_of_its_output(results)
     assert "different: the curves differ by up to 0.002 % of the peak, at 8 N" in verdict(comparison)
 
 
-def test_more_harmonics_that_are_zero_are_no_difference(results):
+def test_additional_zero_harmonics_are_no_difference(results):
     wider = [np.pad(level.response, [(0, 0), (0, 0), (0, 4)]) for level in results.levels]
     both = other(other(results, 0, response=wider[0]), 1, response=wider[1])
     assert compared(results, both).is_same and compared(both, results).is_same
 
 
-def test_where_a_level_or_an_output_is_alone_what_both_have_is_compared(results):
+def test_only_common_levels_and_outputs_are_compared(results):
     shorter = replace(results, levels=results.levels[:1])
     comparison = compared(results, shorter)
     assert not comparison.is_same and comparison.only == (("level 8 N",), ())
@@ -190,7 +190,7 @@ def test_where_a_level_or_an_output_is_alone_what_both_have_is_compared(results)
 
 
 @pytest.mark.parametrize("status, failure", [(RUNNING, ""), (STOPPED, "no convergence")])
-def test_of_a_run_that_ended_early_the_part_is_compared(results, status, failure):
+def test_the_common_part_of_an_incomplete_run_is_compared(results, status, failure):
     n = 35  # beyond the peak
     part = other(results, **{name: None if one is None else one[:n] for name, one in results.levels[1].arrays.items()})
     level = replace(part.levels[1], status=status, failure=failure)
@@ -203,14 +203,14 @@ def test_of_a_run_that_ended_early_the_part_is_compared(results, status, failure
         assert f"8 N: {side} {how} (35 points)" in text_of(comparison) and "compared in the overlap" in text_of(comparison)
 
 
-def test_a_wider_range_is_said(results):
+def test_a_wider_range_is_reported(results):
     n = len(results.levels[1].frequency)
     part = other(results, **{name: None if one is None else one[5 : n - 5] for name, one in results.levels[1].arrays.items()})
     comparison = compared(results, part)
     assert "the frequency ranges differ; in the common range the curves are equal" in verdict(comparison)
 
 
-def test_levels_without_points(results):
+def test_levels_without_points_are_compared(results):
     empty = other(results, **{name: None if one is None else one[:0] for name, one in results.levels[1].arrays.items()})
     comparison = compared(results, empty)
     assert not comparison.is_same and comparison.levels[1].outputs == () and comparison.levels[1].n_points[1] == 0
@@ -254,7 +254,7 @@ def test_statics_are_compared_by_their_means(results):
         compared(a, results)
 
 
-# -- what was asked for ---------------------------------------------------------------------------------------------------
+# -- settings -------------------------------------------------------------------------------------------------------------
 
 
 def test_keys_are_named_as_on_the_command_line():
@@ -303,8 +303,8 @@ def test_the_structure_is_compared(results):
     )
     assert comparison.structure.pairs["mu"] == pytest.approx(0.1) and comparison.structure.same_pairs
     assert comparison.structure.modes == pytest.approx(0.1 / 312.5) and comparison.structure.mode == 2
-    said = text_of(comparison)
-    assert "5 -> 6 DOF" in said and "mu of the pairs by up to 10 %" in said and "2 -> 3 modes" in said
+    text = text_of(comparison)
+    assert "5 -> 6 DOF" in text and "mu of the pairs by up to 10 %" in text and "2 -> 3 modes" in text
     moved = replace(results.joint, node1=results.joint.node1 + 1)
     assert "the pairs have other positions" in text_of(compared(results, replace(results, joint=moved)))
 

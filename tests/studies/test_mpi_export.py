@@ -1,4 +1,4 @@
-"""What `microslip export` writes is the model that the program solves: by dense linear algebra and an AFT of its own."""
+"""The model written by `microslip export` is that of the program: compared by dense linear algebra and a separate AFT."""
 
 import os
 from pathlib import Path
@@ -58,7 +58,7 @@ def test_matrices_have_the_linear_response_and_the_frequencies_of_the_reduction(
     structure.close()
 
 
-def test_the_way_back_to_full_fields(comm, shared_path):
+def test_the_recovery_matrix_gives_full_fields(comm, shared_path):
     scene, structure = bar(comm, shared_path, modes=8)
     model = exported(by(scene, "craig-bampton"), comm, shared_path / "out", recovery=True)
     u = np.load(shared_path / "out" / "recovery.npz")
@@ -71,7 +71,7 @@ def test_the_way_back_to_full_fields(comm, shared_path):
     structure.close()
 
 
-def test_files_hold_the_same_and_no_object(comm, shared_path):
+def test_all_files_have_the_same_contents_without_objects(comm, shared_path):
     scene, structure = bar(comm, shared_path, modes=8)
     structure.close()
     model = exported(scene, comm, shared_path / "out")
@@ -88,23 +88,23 @@ def test_files_hold_the_same_and_no_object(comm, shared_path):
 
 
 @pytest.mark.ranks(2)
-def test_the_numbers_do_not_depend_on_the_ranks(comm, shared_path):
+def test_exported_matrices_do_not_depend_on_the_ranks(comm, shared_path):
     from mpi4py import MPI
 
     scene, structure = bar(comm, shared_path, modes=8)
     structure.close()
-    together = exported(by(scene, "rubin", condensed=True), comm, shared_path / "two")
+    on_all = exported(by(scene, "rubin", condensed=True), comm, shared_path / "two")
     if comm.rank == 0:
-        alone = exported(by(scene, "rubin", condensed=True), MPI.COMM_SELF, shared_path / "one")
+        on_one = exported(by(scene, "rubin", condensed=True), MPI.COMM_SELF, shared_path / "one")
         for name in ("M", "C", "K", "R", "load", "outputs"):
-            assert together[name] == pytest.approx(alone[name], abs=1e-7 * np.abs(alone[name]).max()), name
+            assert on_all[name] == pytest.approx(on_one[name], abs=1e-7 * np.abs(on_one[name]).max()), name
 
 
-# -- an AFT that shares nothing with the program --------------------------------------------------------------------
+# -- an AFT that is independent of the program ----------------------------------------------------------------------
 
 
 def forces(model, du, periods=2):
-    """Return f_nl at samples (n_t, 3 n_pairs) by the return map along each direction, of which the second period repeats."""
+    """Return f_nl at samples (n_t, 3 n_pairs) by the return map along each direction, in the second of two periods."""
     mu, k_t, k_n, N0 = (model[name] for name in ("mu", "k_t", "k_n", "N0"))
     N = np.maximum(N0 - k_n * du[:, 2::3], 0.0)
     f = np.empty_like(du)
@@ -155,7 +155,7 @@ def own_response(model, level, omega):
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_another_program_on_the_export_has_the_same_response(comm, tmp_path):
-    """The response that microslip finds and that of the equations of README.txt, to 1e-6 of the peak."""
+    """The response of microslip and that of the equations of README.txt agree to 1e-6 of the peak."""
     path = write_matrix_scene(
         tmp_path,
         scenes.spatial_mass(),
@@ -181,11 +181,11 @@ def test_another_program_on_the_export_has_the_same_response(comm, tmp_path):
         assert own == pytest.approx(point.response, abs=1e-6 * np.abs(point.response).max())
 
 
-# -- the same of sliders side by side, from README.txt alone -------------------------------------------------------------
+# -- the same for parallel sliders, from README.txt only -----------------------------------------------------------------
 
 
 def forces_of_sliders(model, du, w0, periods=4):
-    """Return f_nl at samples (n_t, 3 n_pairs) of pairs made of sliders that start at ``w0``, in the last of some periods."""
+    """Return f_nl at samples (n_t, 3 n_pairs) of pairs of parallel sliders that start at ``w0``, in the last of some periods."""
     k, limit, rate = (np.nan_to_num(model[f"slider_{name}"]) for name in ("k_t", "limit", "rate"))
     N0, k_n, x, y, z = model["N0"], model["k_n"], du[:, 0::3], du[:, 1::3], du[:, 2::3]
     m = model.get("law_exponent", np.full(len(k), np.nan))
@@ -231,8 +231,8 @@ LAWS_AT_REST = {
 @pytest.mark.study
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("law", LAWS_AT_REST)
-def test_sliders_about_their_rest_are_those_of_the_export(comm, tmp_path, law):
-    """The motion that microslip finds is that which the exported equations answer to its forces, from where the sliders start."""
+def test_exported_sliders_have_the_motion_of_the_program(comm, tmp_path, law):
+    """The motion of microslip is the response of the exported equations to its forces, with the same start of the sliders."""
     write_msh(str(tmp_path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005))
     changes = (
         (ELASTIC, LAWS_AT_REST[law]),
@@ -270,7 +270,7 @@ def test_dependent_relative_displacements_follow_from_the_others():
 @pytest.mark.parametrize(
     "method, message", [("receptance", "exact static response"), ("rubbin", "nearest is rubin"), ("x", "unknown method 'x'")]
 )
-def test_a_method_without_finite_matrices_is_refused(comm, tmp_path, method, message):
+def test_a_method_without_finite_matrices_is_rejected(comm, tmp_path, method, message):
     with pytest.raises(CaseError, match=f"--method: .*{message}"):
         command.study(None, comm, tmp_path, command.Request(method))
     assert not list(tmp_path.iterdir())
@@ -278,8 +278,8 @@ def test_a_method_without_finite_matrices_is_refused(comm, tmp_path, method, mes
 
 def test_command(program, comm, shared_path):
     path = on_root(comm, lambda: write_matrix_scene(shared_path, scenes.chain(), (0.5,), (390.0, 590.0), outputs=[0]))
-    status, said, _ = program("export", path, "--out", shared_path / "out", "--recovery")
-    assert status == 0 and "relative displacements of 2 pairs" in said
+    status, messages, _ = program("export", path, "--out", shared_path / "out", "--recovery")
+    assert status == 0 and "relative displacements of 2 pairs" in messages
     model, full = np.load(shared_path / "out" / "model.npz"), scenes.chain()
     recovery = np.load(shared_path / "out" / "recovery.npz")["recovery"]
     assert recovery[0] == pytest.approx(model["outputs"][0], abs=1e-12)
@@ -288,7 +288,7 @@ def test_command(program, comm, shared_path):
 
 
 def test_scripts_follow_a_softening_spring_and_write_its_response(comm, shared_path):
-    """One coordinate with stiffness 1 + x / 10: what the shared Newton's method finds is the root, frequency by frequency."""
+    """One coordinate with stiffness 1 + x / 10: the shared Newton's method converges to the root at each frequency."""
     if comm.rank:
         return
     place = shared_path / "scripts"

@@ -1,4 +1,4 @@
-"""What `check` foresees of the memory: the entries of the matrices and of the factor, and what a run then refuses."""
+"""The forecast of memory by `check`: entries of the matrices and of the factor; and rejection by a run."""
 
 import re
 
@@ -26,7 +26,7 @@ from microslip.reduction import stuck
 from microslip.scene.read import read_scene
 from microslip.system.memory import Limit
 
-# the lap joint of the scene tied instead
+# the lap joint of the scene, tied
 TIED = re.sub(r"\[\[joints\]\].*?(?=\[\[loads)", '[[ties]]\nsurfaces = ["lap_1", "lap_2"]\n', SCENE, flags=re.S)
 
 
@@ -43,7 +43,7 @@ def entries(matrix):
 
 
 def test_entries_and_factor_are_those_of_the_matrices(comm, shared_path):
-    """Of a bar of 900 nodes: entries of K but for what is fixed, and of the factor within what a finer graph may change."""
+    """A bar of 900 nodes: entries of K without fixed rows, and of the factor within the effect of a finer graph."""
     path = on_root(comm, write_bar, shared_path, "ratio = 0.01", (16, 6, 6))
     dmesh, mesh, pairs, settings = parts(comm, path)
     coupling = coupling_of_nodes(dmesh, pairs)
@@ -60,7 +60,7 @@ def test_entries_and_factor_are_those_of_the_matrices(comm, shared_path):
     linearised.destroy()
 
 
-def test_what_follows_others_is_eliminated_from_the_graph(comm, shared_path):
+def test_following_nodes_are_eliminated_from_the_graph(comm, shared_path):
     def write():
         write_mesh(shared_path / "lap.msh")
         (shared_path / "lap.toml").write_text(TIED)
@@ -80,12 +80,12 @@ def test_what_follows_others_is_eliminated_from_the_graph(comm, shared_path):
 
 
 @pytest.mark.parametrize("kind", ["mesh", "matrices"])
-def test_check_says_the_memory_of_every_stage(comm, shared_path, program, kind):
+def test_check_lists_the_memory_of_every_stage(comm, shared_path, program, kind):
     write = (lambda: write_bar(shared_path)) if kind == "mesh" else (lambda: write_scene(shared_path, OF_CALCULIX))
     path = on_root(comm, write)
-    status, said, _ = program("check", path)
+    status, messages, _ = program("check", path)
     assert status == 0
-    lines = said[said.index("memory     peak by the end of each stage") :].splitlines()
+    lines = messages[messages.index("memory     peak by the end of each stage") :].splitlines()
     stages = {
         line[11:41].strip(): line[41:].split() for line in lines[1:] if line[41:].split() and line[41:].split()[0].isdigit()
     }
@@ -93,7 +93,7 @@ def test_check_says_the_memory_of_every_stage(comm, shared_path, program, kind):
     assert list(stages.values())[0][-1] == "measured"
     in_all = [float(numbers[0]) for numbers in stages.values()]
     assert 50.0 < in_all[0] and np.all(np.diff(in_all) >= 0.0)
-    assert "for the factor" in said and "this machine has" in lines[-1]
+    assert "for the factor" in messages and "this machine has" in lines[-1]
 
 
 def limited(monkeypatch, left):
@@ -103,13 +103,13 @@ def limited(monkeypatch, left):
 @pytest.mark.parametrize(
     "n_asked, what", [(0, "assembly of the matrices"), (1, "K_L, the stiffness with all pairs stuck"), (2, "12 modes")]
 )
-def test_a_run_is_refused_before_each_stage_with_status_4(comm, shared_path, program, monkeypatch, n_asked, what):
-    """So many questions are answered with plenty, the next ones with a single byte; the factor takes less than MUMPS counts."""
-    asked: list[int] = []
+def test_a_run_without_memory_ends_before_each_stage_with_status_4(comm, shared_path, program, monkeypatch, n_asked, what):
+    """So many queries return enough memory, the next ones a single byte; the factor needs less than MUMPS states."""
+    queries: list[int] = []
 
     def counting(machine, process, resident):
-        asked.append(0)
-        return [Limit("the test", machine, 1e12 if len(asked) <= n_asked else 1.0)]
+        queries.append(0)
+        return [Limit("the test", machine, 1e12 if len(queries) <= n_asked else 1.0)]
 
     monkeypatch.setattr(memory, "limits_here", counting)
     path = on_root(comm, lambda: write_bar(shared_path, modes=12))
@@ -118,13 +118,13 @@ def test_a_run_is_refused_before_each_stage_with_status_4(comm, shared_path, pro
     assert f"{what}" in errors and "but only 1e-06 MB of the test are left" in errors and "more ranks on more machines" in errors
 
 
-def test_check_warns_where_a_run_would_be_refused(comm, shared_path, program, monkeypatch):
+def test_check_warns_if_a_run_would_lack_memory(comm, shared_path, program, monkeypatch):
     limited(monkeypatch, lambda: 1e6)
-    status, said, _ = program("check", on_root(comm, lambda: write_bar(shared_path)))
-    assert status == 0 and "WARNING: too much for this machine: " in said and "but only 1 MB of the test are left" in said
+    status, messages, _ = program("check", on_root(comm, lambda: write_bar(shared_path)))
+    assert status == 0 and "WARNING: too much for this machine: " in messages and "but only 1 MB of the test are left" in messages
 
 
-def test_static_columns_are_asked_for_where_they_are_many(comm, monkeypatch):
+def test_memory_of_many_static_columns_is_checked(comm, monkeypatch):
     system, pairs = lattices.lattice(comm)
     linearised = linearise(system, pairs)
     monkeypatch.setattr(stuck, "_CHECKED_FROM", 0.0)

@@ -1,4 +1,4 @@
-"""The first scene of a model file: complete but for the joint's numbers, with the right candidates, and never over another file."""
+"""The first scene of a model file: complete except for the joint's parameters, with candidates, and never overwriting a file."""
 
 import re
 import sys
@@ -48,7 +48,7 @@ def write(folder, ending=".inp", kind="hex8", **changes):
 
 
 def filled(path):
-    """Fill in what the scene asks for; return its new text."""
+    """Fill in the missing entries of the scene; return its new text."""
     text = re.sub(r"^#> ", "", path.read_text(), flags=re.MULTILINE)
     path.write_text(text)
     return text
@@ -56,10 +56,10 @@ def filled(path):
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20"])
 @pytest.mark.parametrize("ending", [*WRITERS, ".exo"])
-def test_the_scene_lacks_the_numbers_of_the_joint_and_nothing_else(tmp_path, ending, kind):
+def test_the_scene_lacks_only_the_parameters_of_the_joint(tmp_path, ending, kind):
     model, out = write(tmp_path, ending, kind), tmp_path / "first.toml"
-    said = "\n".join(_write(str(model), out, False))
-    assert re.search(r"joints     \S+.*: 3 faces on 3, 0.0005 m2, touching, node to node", said)
+    report_text = "\n".join(_write(str(model), out, False))
+    assert re.search(r"joints     \S+.*: 3 faces on 3, 0.0005 m2, touching, node to node", report_text)
     with pytest.raises(
         CaseError, match="friction is missing: expected .*; and tangential_stiffness, normal_stiffness and preload$"
     ):
@@ -71,12 +71,12 @@ def test_the_scene_lacks_the_numbers_of_the_joint_and_nothing_else(tmp_path, end
     assert scene.loads[0].node == scene.outputs[0].node and scene.loads[0].direction == (0.0, 1.0, 1.0)
 
 
-def test_candidates_without_names_get_them(tmp_path):
-    """Without sets of the two sides the scene names them by the bodies that touch."""
+def test_candidates_without_names_are_named(tmp_path):
+    """Without sets of the two sides the scene names them by the bodies in contact."""
     model = plain()
     path = write(tmp_path, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
-    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
-    assert "BAR-1.ALL_on_PLATE-1.ALL on PLATE-1.ALL_on_BAR-1.ALL: 3 faces on 3, 0.0005 m2, touching, node to node" in said
+    report_text = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "BAR-1.ALL_on_PLATE-1.ALL on PLATE-1.ALL_on_BAR-1.ALL: 3 faces on 3, 0.0005 m2, touching, node to node" in report_text
     filled(tmp_path / "m.toml")
     scene = read_scene(tmp_path / "m.toml")
     assert [one.bodies for one in scene.surfaces] == [("BAR-1.ALL", "PLATE-1.ALL"), ("PLATE-1.ALL", "BAR-1.ALL")]
@@ -84,24 +84,24 @@ def test_candidates_without_names_get_them(tmp_path):
 
 
 @pytest.mark.parametrize("behaviour", [5, 0])
-def test_surfaces_that_the_file_holds_in_contact_are_tied_where_it_bonds_them(tmp_path, behaviour):
+def test_contacts_of_the_file_become_joints_or_ties(tmp_path, behaviour):
     (tmp_path / "m.cdb").write_text(cdb_with_contact(plain(), behaviour))
-    said = "\n".join(_write(str(tmp_path / "m.cdb"), tmp_path / "m.toml", False))
-    assert "to answer" not in said
+    report_text = "\n".join(_write(str(tmp_path / "m.cdb"), tmp_path / "m.toml", False))
+    assert "to answer" not in report_text
     filled(tmp_path / "m.toml")
     scene, names = read_scene(tmp_path / "m.toml"), ("CONTA174 real 5", "TARGE170 real 5")
     assert [one.surfaces for one in scene.ties] == ([names] if behaviour == 5 else [])
     assert [frozenset(one.surfaces) for one in scene.joints] == ([] if behaviour == 5 else [frozenset(names)])
 
 
-def test_what_the_file_says_of_a_contact_stands_in_the_joint(tmp_path):
+def test_parameters_of_a_contact_of_the_file_are_those_of_the_joint(tmp_path):
     path = write(tmp_path)
     contact = "*SURFACE, NAME=FEET, TYPE=NODE\nBAR_BOTTOM,\n*SURFACE, NAME=TOP, TYPE=NODE\nPLATE_TOP,\n"
     contact += "*CONTACT PAIR, INTERACTION=DRY\nFEET, TOP\n*SURFACE INTERACTION, NAME=DRY\n*FRICTION\n0.25\n"
     contact += "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n2e13\n"
     path.write_text(path.read_text() + contact)
-    said = "\n".join(check_model_lines(str(path), None))
-    assert "FEET_TOP: FEET on TOP, friction 0.25, no tangential stiffness, normal stiffness 2e+13 N/m3" in said
+    report_text = "\n".join(check_model_lines(str(path), None))
+    assert "FEET_TOP: FEET on TOP, friction 0.25, no tangential stiffness, normal stiffness 2e+13 N/m3" in report_text
     _write(str(path), tmp_path / "m.toml", False)
     with pytest.raises(CaseError, match="tangential_stiffness is missing: expected [^;]*; and preload$"):
         read_scene(tmp_path / "m.toml")
@@ -125,24 +125,27 @@ def in_contact(path):
     return path
 
 
-def test_a_contact_of_the_file_that_a_run_would_refuse_is_named_with_its_reason(tmp_path):
-    """The first surface lies beyond the end of the other, with 4 mm between them."""
+def test_an_invalid_contact_of_the_file_is_named_with_its_reason(tmp_path):
+    """The first surface extends beyond the end of the other, with 4 mm between them."""
     model = plain()
     points = model.points + (np.arange(len(model.points)) < 16)[:, None] * [0.06, 0.0, 4e-3]
     path = in_contact(write(tmp_path, points=points))
-    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
-    assert "FEET on TOP: 3 faces on 3" in said and "refused: no contact point found: all its faces have no partner" in said
+    report_text = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert (
+        "FEET on TOP: 3 faces on 3" in report_text
+        and "refused: no contact point found: all its faces have no partner" in report_text
+    )
     assert "#   FEET on TOP" in (tmp_path / "m.toml").read_text()
 
 
-def test_a_contact_of_the_file_with_a_gap_is_a_joint_where_its_surfaces_are_opposite(tmp_path):
+def test_a_contact_of_the_file_with_a_gap_is_a_joint(tmp_path):
     """As in FreeCAD's example of two solids: a tenth of the first surface faces the other, 4 mm away, and a *STATIC presses it."""
     model = plain()
     points = model.points + (np.arange(len(model.points)) < 16)[:, None] * [0.045, 0.0, 4e-3]
     path = in_contact(with_static_step(write(tmp_path, points=points)))
-    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
-    assert "joints     FEET_TOP: FEET on TOP: 3 faces on 3, 5e-05 m2, 0.004 m apart" in said
-    assert "step = in the scene takes its loads, which act at rest and may close the gap" in said
+    report_text = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "joints     FEET_TOP: FEET on TOP: 3 faces on 3, 5e-05 m2, 0.004 m apart" in report_text
+    assert "step = in the scene takes its loads, which act at rest and may close the gap" in report_text
     text = filled(tmp_path / "m.toml")
     assert 'gap = "geometry"' in text and "become [statics]: 1 force" in text and 'title = "m.inp, first mode"' in text
     scene = read_scene(tmp_path / "m.toml")
@@ -156,10 +159,10 @@ def test_a_contact_of_the_file_with_a_gap_is_a_joint_where_its_surfaces_are_oppo
     assert "covers 10.00% of them" in pairs.notes[0] and pairs.notes[0].endswith("; the rest has no partner and stays free")
 
 
-def test_loads_of_a_static_step_are_named_where_they_are_not_taken(tmp_path):
+def test_unused_loads_of_a_static_step_are_named(tmp_path):
     path = with_static_step(write(tmp_path))
-    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
-    assert "without its loads, 1 *CLOAD" in said
+    report_text = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "without its loads, 1 *CLOAD" in report_text
     text = (tmp_path / "m.toml").read_text()
     assert "# Supports are those of step 1 of the file, *STATIC. Its loads, 1 *CLOAD, are not taken over." in text
     assert '# If they act at rest: step = 1, and preload = "static" in the joints they press.' in text
@@ -176,12 +179,12 @@ FIXED = (
 )
 
 
-def test_supports_that_fix_both_sides_of_a_joint_are_left_out_and_the_others_stay(tmp_path):
-    """The first step is that of fixed-interface modes: its conditions would hold every pair."""
+def test_supports_that_fix_both_sides_of_a_joint_are_omitted(tmp_path):
+    """The first step is that of fixed-interface modes: its supports would fix every pair."""
     (tmp_path / "m.inp").write_text(inp(plain(), FIXED))
-    said = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
-    assert 'conditions of step 1 of the file: *FREQUENCY, PERTURBATION "Fixed"' in said
-    assert "left out: BAR_BOTTOM (xyz), PLATE_TOP (xyz), which fix both sides of a joint" in said
+    report_text = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
+    assert 'conditions of step 1 of the file: *FREQUENCY, PERTURBATION "Fixed"' in report_text
+    assert "left out: BAR_BOTTOM (xyz), PLATE_TOP (xyz), which fix both sides of a joint" in report_text
     text = filled(tmp_path / "m.toml")
     assert "# step = ... selects another step: 2 *FREQUENCY, PERTURBATION" in text
     scene = read_scene(tmp_path / "m.toml")
@@ -190,11 +193,11 @@ def test_supports_that_fix_both_sides_of_a_joint_are_left_out_and_the_others_sta
     assert [one.group for one in whole.supports] == ["PLATE_BASE"] and len(whole.bodies) == 2
 
 
-def test_a_support_beside_a_joint_stays(tmp_path):
-    """The clamped side of a joint alone, or supports of its last nodes, fix no pair."""
+def test_a_support_next_to_a_joint_is_used(tmp_path):
+    """The clamped side of a joint, or supports of its last nodes, fix no pair."""
     (tmp_path / "m.inp").write_text(inp(plain(), ("*Boundary", "PLATE_TOP, ENCASTRE")))
-    said = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
-    assert "left out" not in said and "PLATE_TOP, by the file" in said
+    report_text = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
+    assert "left out" not in report_text and "PLATE_TOP, by the file" in report_text
     assert "[[supports]]" not in (tmp_path / "m.toml").read_text() and "take = " not in (tmp_path / "m.toml").read_text()
 
 
@@ -210,13 +213,13 @@ def candidates_of(points, blocks, groups):
 
 
 def corner():
-    """A block in the corner of two others: it touches one below and one beside, which are one body."""
+    """Return a block in the corner of two others: one is below, the other at its side, and these are one body."""
     points, elements = plain().points, plain().elements
     beside = points[np.unique(elements[0])] + [0.05, 0.0, 0.0]
     return np.concatenate([points, beside]), elements, elements[0] + len(points)
 
 
-def test_surfaces_that_meet_at_an_edge_are_joints_of_their_own():
+def test_surfaces_that_meet_at_an_edge_are_separate_joints():
     points, (bar, plate), beside = corner()
     candidates = candidates_of(points, {"bar": bar, "angle": np.concatenate([plate, beside])}, {})
     assert [(one.made[0].bodies, one.made[0].normal) for one in candidates] == [
@@ -227,7 +230,7 @@ def test_surfaces_that_meet_at_an_edge_are_joints_of_their_own():
     assert len({one.name for one in candidates}) == 2
 
 
-def test_named_surfaces_come_first_and_unions_of_them_not_at_all():
+def test_named_surfaces_come_first_and_their_unions_are_omitted():
     points, (bar, plate), beside = corner()
     sets = plain().sets
     groups = {**sets, "EVERYTHING": np.arange(len(points)), "TWICE": sets["PLATE_TOP"]}
@@ -236,7 +239,7 @@ def test_named_surfaces_come_first_and_unions_of_them_not_at_all():
     assert [one.made[0].bodies for one in candidates[1:]] == [("bar", "beside")]
 
 
-def test_surfaces_with_room_between_them_come_last_and_are_not_taken():
+def test_surfaces_with_a_gap_come_last_and_are_not_used():
     points, (bar, plate), beside = corner()
     points = points + 1e-3 * (np.arange(len(points)) < len(np.unique(bar)))[:, None] * [0.0, 0.0, 1.0]
     candidates = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, {})
@@ -244,8 +247,8 @@ def test_surfaces_with_room_between_them_come_last_and_are_not_taken():
     assert candidates[1].gap == pytest.approx(1e-3, rel=1e-9) and "0.001 m apart" in candidates[1].text
 
 
-def test_only_what_touches_is_offered_where_named_surfaces_are_larger(tmp_path):
-    """The file names whole surfaces, of which a part alone touches: a run would refuse them, and takes the faces that touch."""
+def test_only_the_faces_in_contact_of_larger_surfaces_are_offered(tmp_path):
+    """The file names whole surfaces of which a part is in contact: a run would reject them, and uses the faces in contact."""
     lower, upper = box("hex8", (10, 2, 1), (1.0, 0.2, 0.1)), box("hex8", (3, 2, 1), (0.3, 0.2, 0.1), (0.9, 0.0, 0.1))
     points = np.concatenate([lower[0], upper[0]])
     blocks = {"lower": lower[1], "upper": upper[1] + len(lower[0])}
@@ -273,13 +276,15 @@ def test_named_surfaces_with_an_edge_are_offered_by_their_normals():
     )
 
 
-def test_surfaces_apart_stand_as_comments_that_make_a_joint(tmp_path):
-    """Of 1 mm between them, a fifth of their faces' size: found, with its tolerance, and accepted by the checks of a run."""
+def test_surfaces_with_a_gap_are_comments_that_become_a_joint(tmp_path):
+    """With 1 mm between them, a fifth of the size of their faces: offered with its tolerance, and accepted by a run."""
     model = plain()
     points = model.points + 4e-3 * (np.arange(len(model.points)) < 16)[:, None] * [0.0, 0.0, 1.0]
     path = write(tmp_path, points=points, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
-    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
-    assert "or         BAR-1.ALL_on_PLATE-1.ALL on PLATE-1.ALL_on_BAR-1.ALL: 3 faces on 3, 0.0005 m2, 0.004 m apart" in said
+    report_text = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert (
+        "or         BAR-1.ALL_on_PLATE-1.ALL on PLATE-1.ALL_on_BAR-1.ALL: 3 faces on 3, 0.0005 m2, 0.004 m apart" in report_text
+    )
     text = (tmp_path / "m.toml").read_text()
     assert "# With a gap: BAR-1.ALL_on_PLATE-1.ALL" in text and read_scene(tmp_path / "m.toml").joints == ()
     (tmp_path / "m.toml").write_text(re.sub(r"^#\| ", "", text, flags=re.MULTILINE))
@@ -291,7 +296,7 @@ def test_surfaces_apart_stand_as_comments_that_make_a_joint(tmp_path):
 
 
 def bolted(path):
-    """Write the bolted beam as one file without ties, contact, loads and cuts: what a mesh alone shows."""
+    """Write the bolted beam as one file without ties, contact, loads and cuts: only its mesh."""
     text = input_file(BrakeReuss())
     text = re.sub(r"^\*Surface,.*name=CUT\n(?:[^*].*\n)*", "", text, flags=re.MULTILINE | re.IGNORECASE)
     for keyword in ("Tie", "Contact Pair", "Pre-tension Section", "Surface Interaction", "Friction", "Surface Behavior", "Cload"):
@@ -299,10 +304,10 @@ def bolted(path):
     path.write_text(text)
 
 
-def test_bolts_are_recognised_cut_and_their_heads_glued(tmp_path):
+def test_bolts_are_recognised_cut_and_tied(tmp_path):
     bolted(tmp_path / "m.inp")
-    said = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
-    assert len(re.findall(r"BOLT-\d.ALL: shank of \S+ mm, to be cut at", said)) == 3
+    report_text = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
+    assert len(re.findall(r"BOLT-\d.ALL: shank of \S+ mm, to be cut at", report_text)) == 3
     text = filled(tmp_path / "m.toml")
     scene = read_scene(tmp_path / "m.toml")
     assert scene.joints[0].surfaces == ("LAP_LOWER", "LAP_UPPER") and scene.joints[0].preload == "static"
@@ -312,7 +317,7 @@ def test_bolts_are_recognised_cut_and_their_heads_glued(tmp_path):
     whole, _ = complete(scene, read_model(tmp_path / "m.inp"))
     mesh = read_mesh(whole)
     cuts = cuts_through(mesh, whole.statics.bolts)
-    shank = float(re.search(r"shank of (\S+) mm", said)[1]) * 1e-3
+    shank = float(re.search(r"shank of (\S+) mm", report_text)[1]) * 1e-3
     assert [cut.area for cut in cuts] == pytest.approx(3 * [np.pi * shank**2 / 4], rel=0.15)  # a polygon of eight sides
     links = find_links(mesh, whole)
     assert not any(note.startswith("WARNING") for note in links.notes)
@@ -321,10 +326,10 @@ def test_bolts_are_recognised_cut_and_their_heads_glued(tmp_path):
     assert text.count("force = ") == 3 and sum(line.startswith("#>") for line in text.splitlines()) == 0
 
 
-def test_a_cut_of_the_file_is_taken_and_a_tube_is_no_bolt(tmp_path):
+def test_a_cut_of_the_file_is_used_and_a_tube_is_no_bolt(tmp_path):
     generate_lap(["--out", str(tmp_path / "m.msh")])
-    said = "\n".join(_write(str(tmp_path / "m.msh"), tmp_path / "m.toml", False))
-    assert re.findall(r"bolts: shank of 6 mm, cut by (\S+)", said) == ["cut_1", "cut_2", "cut_3"]
+    report_text = "\n".join(_write(str(tmp_path / "m.msh"), tmp_path / "m.toml", False))
+    assert re.findall(r"bolts: shank of 6 mm, cut by (\S+)", report_text) == ["cut_1", "cut_2", "cut_3"]
     filled(tmp_path / "m.toml")
     scene = read_scene(tmp_path / "m.toml")
     assert [one.group for one in scene.statics.bolts] == ["cut_1", "cut_2", "cut_3"]
@@ -332,7 +337,7 @@ def test_a_cut_of_the_file_is_taken_and_a_tube_is_no_bolt(tmp_path):
     assert [one.surfaces for one in scene.joints] == [("lap_2", "lap_1")]
 
 
-def test_a_plane_cuts_as_the_group_of_the_file_does(tmp_path):
+def test_a_plane_gives_the_cut_of_the_file(tmp_path):
     generate_lap(["--out", str(tmp_path / "m.msh")])
     _write(str(tmp_path / "m.msh"), tmp_path / "m.toml", False)
     filled(tmp_path / "m.toml")
@@ -355,7 +360,7 @@ def all_nodes(file, name):
     return np.unique(np.concatenate([file.cells[i].nodes[rows].ravel() for i, rows in file.groups[name].cells.items()]))
 
 
-def test_groups_within_groups_make_each_element_one_body():
+def test_nested_groups_assign_each_element_to_one_body():
     _, (bar, plate), _ = corner()
     cells = (Cells("hex8", np.concatenate([bar, plate]), np.arange(1, 7)),)
     rows = {"all": range(6), "bar": range(3), "plate": range(3, 6), "hot": range(2)}
@@ -378,7 +383,7 @@ def test_groups_within_groups_make_each_element_one_body():
         ("m.inp", "*Node\n1, 0., 0., 0.\n2, 1., 0., 0.\n3, 0., 1., 0.\n*Element, type=S3, elset=A\n1, 1, 2, 3\n", "holds"),
     ],
 )
-def test_what_is_no_model_is_refused(tmp_path, name, text, message):
+def test_files_without_model_are_rejected(tmp_path, name, text, message):
     if text is not None:
         (tmp_path / name).write_text(text)
     with pytest.raises((CaseError, MeshError), match=message):
@@ -398,7 +403,7 @@ def test_a_scene_is_not_overwritten_unless_forced(tmp_path):
         _write(str(model), tmp_path / "first.inp", True)
 
 
-def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
+def test_bodies_without_contact_make_a_linear_scene(tmp_path):
     model = plain()
     points = model.points + 0.01 * (np.arange(len(model.points)) < 16)[:, None] * [0.0, 0.0, 1.0]
     path = write(tmp_path, points=points, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
@@ -410,7 +415,7 @@ def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
     assert read_scene(tmp_path / "m.toml").joints == ()
 
 
-def test_a_file_that_holds_nothing_makes_a_free_scene(tmp_path):
+def test_a_file_without_supports_makes_a_free_scene(tmp_path):
     sets = plain().sets
     path = write(tmp_path, ".exo", sets={name: sets[name] for name in ("BAR_BOTTOM", "PLATE_TOP")})
     assert "none known: the structure is free" in "\n".join(_write(str(path), tmp_path / "m.toml", False))
@@ -418,7 +423,7 @@ def test_a_file_that_holds_nothing_makes_a_free_scene(tmp_path):
     assert read_scene(tmp_path / "m.toml").supports == () and "#| [[supports]]" in text
 
 
-def test_a_support_is_offered_of_groups_without_a_whole_body_or_a_surface_of_the_joint(tmp_path):
+def test_groups_are_offered_as_support_except_bodies_and_surfaces_of_the_joint(tmp_path):
     plainly = plain()
     sets = {name: plainly.sets[name] for name in ("BAR_BOTTOM", "PLATE_TOP")}
     sets |= {"NALL": np.arange(len(plainly.points)), "HALF": sets["PLATE_TOP"][:4]}
@@ -427,26 +432,29 @@ def test_a_support_is_offered_of_groups_without_a_whole_body_or_a_surface_of_the
     assert "possible groups: UPPER\n" in (tmp_path / "m.toml").read_text()
 
 
-def test_a_scene_without_missing_entries_is_to_be_checked_and_run(tmp_path):
-    """A material without a density has steel's, as the screen states."""
+def test_a_scene_without_missing_entries_can_be_checked_and_run(tmp_path):
+    """A material without a density has steel's, as stated on the screen."""
     path = write(tmp_path)
     path.write_text(re.sub(r"(?m)^\*Density\n.*\n", "", path.read_text()))
-    said = _write(str(path), tmp_path / "m.toml", False)
-    assert any(line.endswith("density of steel, not in the file") for line in said) and "fill in what begins with #>" in said[-1]
+    report_text = _write(str(path), tmp_path / "m.toml", False)
+    assert (
+        any(line.endswith("density of steel, not in the file") for line in report_text)
+        and "fill in what begins with #>" in report_text[-1]
+    )
     points = plain().points + 0.01 * (np.arange(len(plain().points)) < 16)[:, None] * [0.0, 0.0, 1.0]
-    said = _write(str(write(tmp_path, points=points)), tmp_path / "m.toml", True)
-    assert re.fullmatch(r"next       microslip check (\S+m.toml), then: microslip run \1", said[-1])
+    report_text = _write(str(write(tmp_path, points=points)), tmp_path / "m.toml", True)
+    assert re.fullmatch(r"next       microslip check (\S+m.toml), then: microslip run \1", report_text[-1])
     assert "# Nothing has to be filled in: microslip check" in (tmp_path / "m.toml").read_text()
 
 
-def test_units_and_what_must_be_answered_stand_in_the_scene(tmp_path):
+def test_the_scene_has_units_and_ignored_entries(tmp_path):
     model = plain()
     path = tmp_path / "m.inp"
     text = inp(replace(model, points=1e3 * model.points), ("*Gap, elset=D", "0.1"))
     text = re.sub(r"\*Density\n.*\n\*Elastic\n.*,", "*Density\n7.8e-9,\n*Elastic\n2.1e5,", text)
     path.write_text(text)
-    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
-    assert "(mm-t-s)" in said and "to answer  line " in said
+    report_text = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "(mm-t-s)" in report_text and "to answer  line " in report_text
     text = filled(tmp_path / "m.toml")
     scene = read_scene(tmp_path / "m.toml")
     assert scene.model.units == "mm-t-s" and scene.model.ignore == ("*GAP",) and ": *GAP: " in text

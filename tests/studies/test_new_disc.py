@@ -1,4 +1,4 @@
-"""The table [cyclic] of a first scene: by the file, by named faces of which one is the other, turned; the faces in check's picture."""
+"""The table [cyclic] of a first scene: from the file, or from named faces that match by a rotation; the faces in check's picture."""
 
 import re
 
@@ -14,13 +14,13 @@ from microslip.studies.new.command import _write
 
 
 def filled(path):
-    """Fill in what the scene asks for; return its new text."""
+    """Fill in the missing entries of the scene; return its new text."""
     path.write_text(re.sub(r"^#> ", "", path.read_text(), flags=re.MULTILINE))
     return path.read_text()
 
 
 def first_scene(folder, name, N=5, axis=(0.0, 0.0, 1.0), names=None):
-    """Write the mesh of a sector in another place, and its first scene; return the scene's text and path."""
+    """Write the mesh of a sector at another position, and its first scene; return the scene's text and path."""
     bodies = {"disc": sector("hex8", N)["disc"]}
     z = np.array(axis) / np.linalg.norm(axis)
     x = np.cross(z, [0.3, -0.5, 0.2])
@@ -37,11 +37,11 @@ def first_scene(folder, name, N=5, axis=(0.0, 0.0, 1.0), names=None):
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 2.0, -4.0)])
 @pytest.mark.parametrize("N", [3, 7, 40])
-def test_named_faces_that_fit_by_a_turn_make_the_table(tmp_path, N, axis):
-    """Axis, a point of it and the order of the faces are those of which the sector was made."""
-    said, out = first_scene(tmp_path, "sector", N, axis)
+def test_named_faces_that_match_by_a_rotation_give_the_table(tmp_path, N, axis):
+    """Axis, a point of it and the order of the faces are those of the sector's definition."""
+    report_text, out = first_scene(tmp_path, "sector", N, axis)
     first = filled(out)
-    assert f"sector of {N}: " in said and "[cyclic]" in first
+    assert f"sector of {N}: " in report_text and "[cyclic]" in first
     stated = read_scene(out).cyclic
     along = np.array(axis) / np.linalg.norm(axis)
     reversed_ = along @ stated.axis < 0.0
@@ -50,14 +50,14 @@ def test_named_faces_that_fit_by_a_turn_make_the_table(tmp_path, N, axis):
     assert stated.sectors == N and stated.faces == (("high0", "low0") if reversed_ else ("low0", "high0"))
 
 
-def test_faces_without_such_names_are_a_comment(tmp_path):
-    said, out = first_scene(tmp_path, "plain", names={"low0": "a", "high0": "b"})
-    assert "sector of 5: a to b" in said and '#| faces = ["a", "b"]' in out.read_text()
+def test_matching_faces_with_other_names_are_a_comment(tmp_path):
+    report_text, out = first_scene(tmp_path, "plain", names={"low0": "a", "high0": "b"})
+    assert "sector of 5: a to b" in report_text and '#| faces = ["a", "b"]' in out.read_text()
     assert "[cyclic]" not in [line.strip() for line in out.read_text().splitlines()]
 
 
 def test_a_box_is_no_sector(tmp_path):
-    """Two sides at a right angle fit by a quarter turn about their common edge."""
+    """Two sides at a right angle match by a quarter turn about their common edge."""
     from blocks import block
 
     def box(u, v, w):
@@ -65,8 +65,8 @@ def test_a_box_is_no_sector(tmp_path):
 
     sides = {"x0": "low", "y0": "high", "z0": "left", "x1": "right", "y1": "sector", "z1": "period"}
     write_msh(str(tmp_path / "box.msh"), {"box": block("hex8", box, (2, 2, 2), sides)})
-    said = "\n".join(_write(str(tmp_path / "box.msh"), tmp_path / "box.toml", False))
-    assert "sector of" not in said and "cyclic" not in (tmp_path / "box.toml").read_text()
+    report_text = "\n".join(_write(str(tmp_path / "box.msh"), tmp_path / "box.toml", False))
+    assert "sector of" not in report_text and "cyclic" not in (tmp_path / "box.toml").read_text()
 
 
 def test_the_picture_of_a_mesh_marks_both_faces(tmp_path):

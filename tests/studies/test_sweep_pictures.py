@@ -1,4 +1,4 @@
-"""Pictures of sweeps: labels that fit, and of which designs percentiles are drawn."""
+"""Pictures of sweeps: labels that fit, and the designs with percentiles."""
 
 import numpy as np
 import pytest
@@ -38,16 +38,16 @@ def test_designed_samples_have_no_percentiles():
         (np.linspace(0.0, 10.0, 5), False),
     ],
 )
-def test_wide_values_and_those_spaced_evenly_over_their_logarithm_have_its_axis(values, is_log):
+def test_wide_or_logarithmically_spaced_values_have_a_logarithmic_axis(values, is_log):
     assert _is_log(values) == is_log
 
 
-def test_cells_of_values_spaced_evenly_over_their_logarithm_are_of_equal_width_on_its_axis():
+def test_cells_of_logarithmically_spaced_values_have_equal_width():
     assert np.diff(np.log(_edges(np.geomspace(0.1, 0.6, 5)))) == pytest.approx(np.log(6.0) / 4.0)
 
 
 @pytest.mark.parametrize("ends", [(0.1, 0.6), (0.19, 2.5), (0.35, 3.9), (1.1, 95.0), (3e-5, 2e-4)])
-def test_a_logarithmic_axis_of_few_decades_has_numbers_at_several_ticks(ends):
+def test_a_logarithmic_axis_of_few_decades_has_several_labels(ends):
     axes = Figure().add_subplot()
     axes.set_xlim(*ends)
     log_scale(axes, "x")

@@ -1,4 +1,4 @@
-"""What is made of the runs of a trade: the front, choices, predictions, sentences, the reference's own error."""
+"""Evaluation of the runs of a trade: the front, choices, predictions, sentences, the error of the reference."""
 
 import csv
 from dataclasses import dataclass, replace
@@ -48,7 +48,7 @@ class Scene:
 
 
 def curve(error=0.0, bar=0.0, level=3.0):
-    """The exact curve, its largest amplitude off by a share of the peak, with bars of another share."""
+    """Return the exact curve with its largest amplitude off by a share of the peak, and error bars of another share."""
     u = EXACT.copy()
     u[N // 2] += error * np.abs(EXACT).max()
     return Curve(level, OMEGA, u, np.full(N, bar * np.abs(EXACT).max()))
@@ -76,7 +76,7 @@ HARMONICS = (run("harmonics", "3", 0.5, 2.6e-2, 6e-2, harmonics=3), run("harmoni
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=30))
-def test_the_front_is_what_no_other_beats(points):
+def test_the_front_has_no_dominated_runs(points):
     cost, error = np.array(points, dtype=float).T
     beaten = [
         any(c <= cost[i] and e <= error[i] and (c < cost[i] or e < error[i]) for c, e in zip(cost, error))
@@ -85,7 +85,7 @@ def test_the_front_is_what_no_other_beats(points):
     np.testing.assert_array_equal(pareto(cost, error), ~np.array(beaten))
 
 
-def test_the_cheapest_within_an_accuracy_is_chosen_set_up_included():
+def test_the_cheapest_run_within_an_accuracy_is_chosen_including_set_up():
     heavy = run("modes", "20", 0.9, 8e-3, setup=5.0, modes=20)
     result = study(*HARMONICS, heavy)
     assert result.choice(1e-2).parameter == BASE
@@ -95,48 +95,50 @@ def test_the_cheapest_within_an_accuracy_is_chosen_set_up_included():
     assert "for 0.01 %: not reached; the best is 0.05 % by 8 modes, H = 13" in choice_lines(result, 1e-4)[0]
 
 
-def test_nothing_is_chosen_by_a_reference_that_is_not_known_well_enough():
+def test_an_inaccurate_reference_permits_no_choice():
     result = study(*HARMONICS, floor=2e-3)
     assert result.choice(1e-3) is None
     assert "not decided, the reference itself is known to 0.2 % only" in choice_lines(result, 1e-3)[0]
     assert [row for row in rows(result) if row[1] == "13"][0].count("< 0.2") >= 1
 
 
-def test_a_run_that_failed_is_told_and_never_chosen_nor_on_the_front():
+def test_a_failed_run_is_reported_and_never_chosen():
     result = study(run("tolerance", "0.1", 0.01, 0.0, failure="3 N ends after 2 points: no convergence", tolerance=0.1))
     assert [entry.parameter for entry in result.front()] == [BASE]
     assert failure_lines(result) == ["3 N ends after 2 points: no convergence: tolerance 0.1"]
     assert result.choice(1e-2).parameter == BASE
 
 
-def test_sentences_have_the_numbers_of_the_runs():
-    said = sentences(study(*HARMONICS, run("method", "full", 4.0, 8e-3, setup=3.1, method="full")))
-    assert said[0] == "harmonics 3 -> 5: 2x the time, error 2.6 % -> 0.8 %"
-    assert said[1] == "harmonics 5 -> 13: 3x the time, error 0.8 % -> 0.05 %"
-    assert said[2] == "full instead of receptance: 4x the time, +3 s of set-up, error 0.8 % -> 0.8 %"
+def test_sentences_state_the_results_of_the_runs():
+    text = sentences(study(*HARMONICS, run("method", "full", 4.0, 8e-3, setup=3.1, method="full")))
+    assert text[0] == "harmonics 3 -> 5: 2x the time, error 2.6 % -> 0.8 %"
+    assert text[1] == "harmonics 5 -> 13: 3x the time, error 0.8 % -> 0.05 %"
+    assert text[2] == "full instead of receptance: 4x the time, +3 s of set-up, error 0.8 % -> 0.8 %"
 
 
-def test_methods_are_not_compared_with_a_base_that_was_not_run():
-    left_out = study(run("method", "full", 4.0, 8e-3, method="full"))
-    left_out.runs = [replace(one, failure="left out for lack of time") if one.parameter == BASE else one for one in left_out.runs]
-    assert sentences(left_out) == []
+def test_methods_are_not_compared_with_a_missing_base():
+    without_base = study(run("method", "full", 4.0, 8e-3, method="full"))
+    without_base.runs = [
+        replace(one, failure="left out for lack of time") if one.parameter == BASE else one for one in without_base.runs
+    ]
+    assert sentences(without_base) == []
 
 
-def test_corrected_amplitudes_stand_beside_what_is_as_good_without():
+def test_corrected_amplitudes_are_compared_with_uncorrected_settings():
     coarse = replace(run("harmonics", "1", 1.0, 3e-2, harmonics=1), corrected=(curve(4e-3),))
-    said = corrected_sentences(study(coarse, run(BASE, "", 2.0, 4e-3), run("harmonics", "9", 3.0, 1e-3, harmonics=9)))
-    assert said == ["harmonics 1, corrected: error 3 % -> 0.4 % for 1.3x the time; without it takes 5, 2x"]
+    text = corrected_sentences(study(coarse, run(BASE, "", 2.0, 4e-3), run("harmonics", "9", 3.0, 1e-3, harmonics=9)))
+    assert text == ["harmonics 1, corrected: error 3 % -> 0.4 % for 1.3x the time; without it takes 5, 2x"]
 
 
-def test_bars_are_judged_where_the_error_is_above_that_of_the_reference():
+def test_error_bars_are_checked_above_the_error_of_the_reference():
     result = study(run("samples", "32", 0.4, 1e-2, 5e-3, samples=32), run("samples", "64", 0.5, 2e-6, 1e-7, samples=64))
-    assert result.validation().n_above == 2  # base and 32 samples; 64 are better than the reference is known
+    assert result.validation().n_above == 2  # base and 32 samples; the error of 64 samples is below that of the reference
     assert result.validation().coverage == 0.5
     assert result.score(result.runs[1]).ratio == pytest.approx(0.5)
     assert "of 2 points with an error above that, 50.0 % lie under their bar" in validation_lines(result)[0]
 
 
-def test_a_score_is_over_the_peak_of_the_reference():
+def test_a_score_is_relative_to_the_peak_of_the_reference():
     computed = score([curve(error=1e-2)], {3.0: curve()})
     assert computed.error == pytest.approx(1e-2) and computed.rms == pytest.approx(1e-2 / 3.0)
     peaks = [top_of_curve(OMEGA, np.abs(u))[1] for u in (curve(error=1e-2).u, EXACT)]
@@ -146,25 +148,25 @@ def test_a_score_is_over_the_peak_of_the_reference():
 
 
 @pytest.mark.parametrize("gain", [1.5, 2.0, 4.0])
-def test_what_is_left_of_a_geometric_series_is_its_remainder(gain):
+def test_the_remainder_of_a_geometric_series_is_exact(gain):
     terms = gain ** -np.arange(60.0)
     assert remainder(tuple(terms[:5])) == pytest.approx(terms[5:].sum())
 
 
-def test_what_is_left_is_never_taken_to_be_less_than_a_third_of_the_last_change():
+def test_the_remainder_is_at_least_a_third_of_the_last_change():
     assert remainder((1e-2, 1e-6)) == pytest.approx(1e-6 / 3.0)
-    assert remainder((1e-6, 1e-3)) == pytest.approx(4e-3)  # not falling: as bad as four times the last change
+    assert remainder((1e-6, 1e-3)) == pytest.approx(4e-3)  # not falling: four times the last change
     assert remainder((1e-3,)) == 1e-3 and remainder(()) == 0.0
 
 
-def test_the_reference_is_known_as_its_sequences_let_expect():
-    rungs = [[curve(error)] for error in (7e-3, 3e-3, 1e-3)]  # falling by two: 1e-3 and beyond is left
+def test_the_error_of_the_reference_follows_from_its_sequences():
+    rungs = [[curve(error)] for error in (7e-3, 3e-3, 1e-3)]  # falling by two: the remainder is 1e-3
     known = uncertainty([rungs], [curve()])[0].bar / np.abs(EXACT).max()
     np.testing.assert_allclose(known[N // 2 - 1 : N // 2 + 2], 2e-3, rtol=1e-5)
     assert known[0] == pytest.approx(1e-9)
 
 
-def test_combinations_are_the_cheapest_that_the_single_knobs_let_expect():
+def test_combinations_are_the_cheapest_predicted_by_single_parameters():
     cheap = run("samples", "64", 0.6, 8.1e-3, samples=64)
     result = study(*HARMONICS, cheap, run("samples", "1024", 2.0, 8e-3, samples=1024))
     best = promising(result, ["harmonics", "samples"], 3)
@@ -172,7 +174,7 @@ def test_combinations_are_the_cheapest_that_the_single_knobs_let_expect():
     assert replace(result.base, harmonics=13, samples=64) in best
 
 
-def test_nothing_of_the_picture_is_cut_off_where_errors_are_alike(tmp_path):
+def test_the_picture_of_similar_errors_is_not_cut_off(tmp_path):
     alike = study(run("samples", "1024", 1.2, 7e-3, 2e-2, samples=1024), floor=2e-2)
     with rc_context(RC):
         draw_trade(alike, Scene(), str(tmp_path / "trade.png"))
