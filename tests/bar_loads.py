@@ -1,4 +1,4 @@
-"""The bar of bar_scene.py under any loads, with any outputs and damping, and what dense algebra says of its linear motion."""
+"""The bar of bar_scene.py under any loads, with any outputs and damping, and its linear motion by dense algebra."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AXIS = 'mesh = "bar.msh"\naxis = [0.0, 0.0, 1.0]\naxis_point = [0.1, 0.0, 0.0]\n
 def scene_with(
     comm, folder, *, loads=LOADS, outputs=OUTPUTS, damping="ratio = 0.01", axis=False, files=None, name="bar", points=10, **solver
 ):
-    """Return the scene with other tables; ``files`` are written beside it.  Collective."""
+    """Return the scene with other tables; ``files`` are written next to it.  Collective."""
 
     def write():
         path = write_bar(folder, damping, **solver)
@@ -46,6 +46,6 @@ def dense(structure):
 
 
 def reduced_model(structure, scene=None):
-    """Return the reduced model of a structure by the method of a scene, its own unless given.  Collective."""
+    """Return the reduced model of a structure by the method of a scene, by default its own.  Collective."""
     settings = reduction_settings(scene or structure.scene)
     return ReducedModel.of(reduced(structure, settings).structure, settings.excitation)

@@ -1,4 +1,4 @@
-"""A bar that nothing but its joint holds, on a plate: 135 DOF and 15 pairs, for the tests of the reduction methods."""
+"""A bar supported only by its joint, on a plate: 135 DOF and 15 pairs, for the tests of the reduction methods."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SCENE = (
 
 
 def write_bar(folder: Path, damping: str = "ratio = 0.01", divisions=(4, 2, 1), **solver) -> Path:
-    """Write mesh and scene; keys of [solver] as given.  Local; returns the scene's path."""
+    """Write mesh and scene with the given keys of [solver].  Local; returns the scene's path."""
     write_msh(str(folder / "bar.msh"), stacked("hex8", (0.05, 0.01, 0.02), divisions, ground_height=0.005))
     keys = [
         f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {str(value).lower()}"

@@ -1,4 +1,4 @@
-"""Two blocks of 36 DOF, the upper one held by its joint alone: as a mesh, and as matrices that CalculiX stored."""
+"""Two blocks of 36 DOF, the upper supported only by its joint: as a mesh, and as matrices stored by CalculiX."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ samples = 32
 
 
 def write_scene(folder: Path, model: str, pairs: str = NODE_PAIRS, place: str = "node = 18", rest: str = REST) -> Path:
-    """Write a scene of the blocks with all of CalculiX's files beside it; return its path."""
+    """Write a scene of the blocks with all of CalculiX's files; return its path."""
     for file in DATA.glob("calculix_blocks.*"):
         shutil.copy(file, folder)
     lines = [f"{11 + i},{5 + i},0,0,2,0.0025" for i in range(4)]
@@ -83,7 +83,7 @@ def calculix_blocks():
 
 
 def in_format(folder: Path, ending: str) -> str:
-    """Write K and M in a format, and what it does not say of its rows beside them; return the table [model]."""
+    """Write K and M in a format, and missing information on its rows in another file; return the table [model]."""
     K, M, dofs = calculix_blocks()
     WRITERS[ending][0](folder / f"K.{ending}", K, dofs)
     write = WRITERS[ending][0]
@@ -101,13 +101,13 @@ def write_dofs(path: Path, dofs) -> None:
 
 
 def positions() -> dict[int, np.ndarray]:
-    """Return where the nodes are."""
+    """Return the positions of the nodes."""
     lines = (DATA / "calculix_blocks.inp").read_text().split("*NODE, NSET=ALL\n")[1].split("*ELEMENT")[0].splitlines()
     return {int(line.split(",")[0]): np.array([float(x) for x in line.split(",")[1:]]) for line in lines}
 
 
 def craig_bampton():
-    """Return K, M, T of all fixed-interface modes, the rows of the interface and of what is inside: nothing is left out."""
+    """Return K, M, T of all fixed-interface modes, the interface rows and the inner rows: without truncation."""
     K, M, dofs = calculix_blocks()
     K, M = K.toarray(), M.toarray()
     at_joint = np.isin(dofs.nodes, [5, 6, 7, 8, 11, 12, 13, 14])
@@ -121,7 +121,7 @@ def craig_bampton():
 
 
 def write_superelement(folder):
-    """Write a superelement whose interface nodes carry the joint; load and output are inside, by its recovery matrix."""
+    """Write a superelement with the joint on its interface nodes; load and output are inside, by its recovery matrix."""
     K, M, T, interface, inside = craig_bampton()
     modes = np.zeros(len(K) - len(interface.nodes), dtype=int)
     write_dofs(folder / "dofs.csv", DofMap(np.r_[interface.nodes, modes], np.r_[interface.directions, modes]))

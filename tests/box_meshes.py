@@ -12,7 +12,7 @@ from microslip.tables.vibration import Load, Output
 
 STEEL = Material(young=2.1e11, poisson=0.3, density=7800.0)
 KINDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
-# A hexahedron of corners 0 to 7 as six tetrahedra, two wedges, or six pyramids about its centre, 8; neighbours fit.
+# A hexahedron of corners 0 to 7 as six tetrahedra, two wedges, or six pyramids about its centre, 8; neighbours match.
 _SPLIT = {
     "hex": [[0, 1, 2, 3, 4, 5, 6, 7]],
     "wedge": [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]],
@@ -52,9 +52,9 @@ def add_mid_sides(points: np.ndarray, elements: np.ndarray, edges) -> tuple[np.n
 
 
 def mesh_of(*parts, groups=None, faces=()) -> Mesh:
-    """Return a Mesh of (group, kind, points, elements) parts that share no nodes; numbers of nodes count from 1001.
+    """Return a Mesh of (group, kind, points, elements) parts without common nodes; numbers of nodes start from 1001.
 
-    ``groups`` maps names to functions of the points (n_points, 3) that return which of them belong; node sets.
+    ``groups`` maps names of node sets to functions of the points (n_points, 3) that return which of them belong to the set.
     """
     points = np.concatenate([part[2] for part in parts])
     blocks, start, first = [], 0, 1
@@ -86,7 +86,7 @@ def settings(bodies, supports=(), joints=(), loads=(), outputs=(), file="box.msh
 
 
 def made_of(given: StructureTables, material: Material, orientation: Orientation | None = None) -> StructureTables:
-    """Return the tables with all bodies of another material."""
+    """Return the tables with another material of all bodies."""
     axes = None if orientation is None else "axes"
     return given.with_keys(
         materials={"steel": material},

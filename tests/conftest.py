@@ -1,4 +1,4 @@
-"""What all tests share: PETSc and MPI started first, one rank that reports, and no rank left waiting for a failed one."""
+"""Set-up of all tests: PETSc and MPI are started first, one rank reports, and a failure on one rank ends all."""
 
 import gc
 import os
@@ -7,7 +7,7 @@ import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"
-os.environ["MICROSLIP_CACHE"] = "off"  # a test that builds a structure shall build it; those of the cache name a folder
+os.environ["MICROSLIP_CACHE"] = "off"  # structures are built, not cached; tests of the cache name a folder
 
 from microslip.parallel.petsc import initialise
 from microslip.system.signals import STOPPING
@@ -21,9 +21,9 @@ from petsc4py import PETSc
 
 COMM = MPI.COMM_WORLD
 
-# The same examples on every machine, rank and day, and few enough for every push; without the constants of what is imported, which
-# would change them with the sources, and for which every process would read those of NumPy and SciPy, too, for seconds.  The name
-# is none that Hypothesis promises: a version without it is only slower, or draws others.
+# The same examples on every machine and rank, and few of them; without the constants of imported modules, which
+# would change them with the sources, and for which every process would also read NumPy's and SciPy's, for seconds.  The name
+# is not part of Hypothesis' interface: a version without it is only slower, or draws other examples.
 providers = sys.modules.get("hypothesis.internal.conjecture.providers")
 if hasattr(providers, "is_local_module_file"):
     providers.is_local_module_file = lambda path: False
@@ -33,19 +33,19 @@ hypothesis.settings.load_profile("steady")
 
 @pytest.fixture(scope="session")
 def comm():
-    """All ranks of the test run; one, two or three."""
+    """Return the communicator of the test run, of one, two or three ranks."""
     return COMM
 
 
 @pytest.fixture
 def shared_path(tmp_path):
-    """A new empty folder, the same one on all ranks.  Collective."""
+    """Return a new empty folder, the same on all ranks.  Collective."""
     return COMM.bcast(tmp_path)
 
 
 @pytest.fixture
 def options():
-    """Set PETSc's options by name, and take them away again."""
+    """Set PETSc's options by name, and delete them after the test."""
     database, names = PETSc.Options(), []
 
     def set_to(**values):
@@ -79,9 +79,9 @@ PICTURES = (
 
 @pytest.fixture
 def program(comm, capfd, monkeypatch, request):
-    """Return what to call with the program's arguments: status and what was said on all ranks.  Collective.
+    """Return a function of the program's arguments that returns status and messages of all ranks.  Collective.
 
-    It runs in this process, and draws no pictures of a run: they have tests of their own.  Those of the studies are drawn in tests
+    It runs in this process, and draws no pictures of a run, which have separate tests.  Those of the studies are drawn in tests
     that are marked ``pictures``.
     """
     from microslip.__main__ import main
@@ -94,8 +94,8 @@ def program(comm, capfd, monkeypatch, request):
     def run(*arguments):
         status = main([str(argument) for argument in arguments])
         assert len(set(comm.allgather(status))) == 1
-        said = capfd.readouterr()
-        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
+        messages = capfd.readouterr()
+        return status, "".join(comm.allgather(messages.out)), "".join(comm.allgather(messages.err))
 
     yield run
     for number, handler in handlers.items():
@@ -103,23 +103,23 @@ def program(comm, capfd, monkeypatch, request):
 
 
 def pytest_addoption(parser):
-    parser.addoption("--unless-on", type=int, metavar="N", help="leave out what also runs on N ranks")
+    parser.addoption("--unless-on", type=int, metavar="N", help="deselect tests that also run on N ranks")
     parser.addoption(
-        "--rooms", default="", help="folders of tests that --unless-on is for, and `slow` for tests so marked; default: all"
+        "--rooms", default="", help="folders of tests to which --unless-on applies, and `slow` for tests so marked; default: all"
     )
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what shows nothing more on this number of ranks: the mark ``ranks`` of a test or its file names the numbers.
+    """Deselect tests that are not for this number of ranks: the mark ``ranks`` of a test or its file lists the numbers.
 
-    A test's own marks count before its file's; those of its parameters all count.
+    Marks of a test have priority over those of its file; all marks of its parameters apply.
     """
     other, rooms = config.getoption("--unless-on"), config.getoption("--rooms").split()
 
     def runs_elsewhere(item):
         names = {item.path.parent.name, *(mark.name for mark in item.iter_markers("slow"))}
-        is_meant = not rooms or not names.isdisjoint(rooms)
-        return other and _is_for_ranks(item) and _runs_on(item, other) and is_meant
+        is_in_rooms = not rooms or not names.isdisjoint(rooms)
+        return other and _is_for_ranks(item) and _runs_on(item, other) and is_in_rooms
 
     here = {item: _runs_on(item, COMM.size) and not runs_elsewhere(item) for item in items}
     config.hook.pytest_deselected(items=[item for item in items if not here[item]])
@@ -135,12 +135,12 @@ def _is_for_ranks(item):
 
 
 def _marks_of_ranks(item):
-    own = [mark for mark in item.own_markers if mark.name == "ranks"]
-    return own or list(item.iter_markers("ranks"))[:1]
+    of_test = [mark for mark in item.own_markers if mark.name == "ranks"]
+    return of_test or list(item.iter_markers("ranks"))[:1]
 
 
 def pytest_collection_finish(session):
-    """Take tests and modules out of what Python looks through for circles: a new structure may ask for that."""
+    """Exclude tests and modules from garbage collections, which a new structure may start."""
     gc.freeze()
 
 

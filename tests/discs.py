@@ -1,6 +1,6 @@
-"""A bladed disc, small: one sector, and the whole ring merged of its turned copies, for the tests of [cyclic].
+"""A small bladed disc: one sector, and the full ring merged from its rotated copies, for the tests of [cyclic].
 
-The sector has no mirror symmetry.  Its blade stands on the rim by a joint, and the bore is held.
+The sector has no mirror symmetry.  Its blade is joined to the rim, and the bore is held.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from microslip.fourier.coefficients import shifted
 from microslip.fourier.harmonics import Harmonics
 
 BORE, RIM, TIP, TOP, WIDTH = 0.05, 0.08, 0.12, 0.13, 0.01  # m
-BETWEEN = (0.0, 0.3, 0.75, 1.0)  # parts of the sector: beside the blade, under it, beside it
+BETWEEN = (0.0, 0.3, 0.75, 1.0)  # parts of the sector: on either side of the blade, and under it
 
 
 def sector(
@@ -26,8 +26,8 @@ def sector(
     """Return disc and blade of sector s about the z axis; divisions along radius, part of the angle and width.
 
     A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".  A ``damper`` is a body that
-    fills the room between this blade and that of the next sector, with sides "damper_low" and "damper_high".
-    ``own`` ends the names of the surfaces of joints.
+    fills the space between this blade and that of the next sector, with sides "damper_low" and "damper_high".
+    ``own`` is a suffix of the surfaces of joints.
     """
     parts = []
     for k, (a, b) in enumerate(zip(BETWEEN, BETWEEN[1:])):
@@ -50,17 +50,17 @@ def sector(
 
 
 def ring(kind: str, N: int, **how) -> dict[str, Body]:
-    """Return the whole ring: the discs merged where they meet, and each blade and damper a body, and joints of each sector."""
+    """Return the full ring: the discs merged at their interfaces, each blade and damper a body, and joints of each sector."""
     sectors = [sector(kind, N, s, own=str(s), **how) for s in range(N)]
     names = [
         name for name in sectors[0] if name != "disc"
-    ]  # blades first: loads and outputs lie on these where dampers touch them
+    ]  # blades first: loads and outputs are on them where dampers touch them
     others = {f"{name}{s}": sectors[s][name] for name in names for s in range(N)}
     return {"disc": join([each["disc"] for each in sectors])} | others
 
 
 def _mapping(N: int, s: int, radii, part):
-    """Return the mapping of a part of sector s: lines of constant angle lean with radius and width."""
+    """Return the mapping of a part of sector s: lines of constant angle are inclined with radius and width."""
 
     def mapping(u, v, w):
         r = radii[0] + (radii[1] - radii[0]) * u
@@ -80,7 +80,7 @@ def at(N: int, s: int = 0, r: float = TIP, v: float = 0.0, w: float = 1.0) -> li
 
 
 def turned(N: int, s: int, direction) -> list[float]:
-    """Return a direction turned with sector s."""
+    """Return a direction rotated with sector s."""
     a = 2.0 * np.pi * s / N
     turn = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
     return [float(x) for x in turn @ np.asarray(direction, dtype=float)]
@@ -112,9 +112,9 @@ def body_text(
     of_shrouds=None,
     **contact,
 ) -> str:
-    """Return the scene of a mesh but for loads, outputs and what is solved for; ``contact`` are values of its joints.
+    """Return the scene of a mesh without loads, outputs, damping, response and solver; ``contact`` are values of its joints.
 
-    ``ring`` has its number of sectors N and the wave h: each sector has its own joints, which start at its phase -h s alpha.
+    ``ring`` has its number of sectors N and the wave h: each sector has separate joints, which start at its phase -h s alpha.
     ``of_shrouds`` are other values of the joints of shrouds, or of dampers.
     """
     keys = {"friction": 0.3, "preload": 2.0e6, "k_t": 5.0e11} | contact
@@ -151,7 +151,7 @@ def of_ring(sector, ring, N: int, h: int, U: np.ndarray) -> np.ndarray:
 
 
 def write_sector(folder: Path, N: int, end: str, kind: str = "hex8", name: str = "sector", wave=None, how=None, **body) -> Path:
-    """Write mesh and scene of one sector; ``end`` are its tables of damping, response and solver.
+    """Write mesh and scene of one sector; ``end`` has its tables of damping, response and solver.
 
     ``body`` are keys of [cyclic], and of :func:`body_text`.
     """
@@ -168,7 +168,7 @@ def write_sector(folder: Path, N: int, end: str, kind: str = "hex8", name: str =
 def write_ring(
     folder: Path, N: int, end: str, kind: str = "hex8", name: str = "ring", h: int = 1, how=None, loads=None, n_outputs=1, **body
 ) -> Path:
-    """Write mesh and scene of the whole ring under a wave of loads: sector s leads sector 0 by h s alpha.
+    """Write mesh and scene of the full ring under a travelling wave of loads: sector s leads sector 0 by h s alpha.
 
     ``loads`` (N,) are factors of the loads of the sectors; the first ``n_outputs`` sectors have outputs.
     """

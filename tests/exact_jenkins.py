@@ -1,4 +1,4 @@
-"""A contact law with the coefficients of one Jenkins element in closed form, for comparisons without the error of samples."""
+"""A contact law with closed-form coefficients of one Jenkins element, for comparisons without the error of samples."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from microslip.contact.elastic_coulomb import ElasticCoulomb
 
 @dataclass(frozen=True)
 class ExactJenkins(ElasticCoulomb):
-    """One Jenkins element along x that sticks or slips once each way a cycle, harmonic 1 alone, without samples."""
+    """One Jenkins element along x that sticks or slips once in each direction per cycle, with harmonic 1, without samples."""
 
     @classmethod
     def of(cls, law: ElasticCoulomb) -> "ExactJenkins":
-        """Return the law with the parameters of a sampled one."""
+        """Return the law with the parameters of a sampled law."""
         return cls(law.mu, law.N0, law.k_t, law.k_n, law.separate)
 
     def cycle(self, U, n_samples, tangents=True, harmonics=None):
@@ -28,7 +28,7 @@ class ExactJenkins(ElasticCoulomb):
         if tangents:
             exact.P[:] = 0.0
             for column, along in ((1, 1.0), (2, -1j)):
-                d = along / turn  # of the amplitude, and of its phase times X
+                d = along / turn  # derivative by the amplitude, and by its phase times X
                 by = (by_X * d.real + 1j * T_by_X * d.imag) * turn - self.k_t * along
                 exact.P[:, 1, column], exact.P[:, 2, column] = by.real, -by.imag
         return exact
@@ -44,7 +44,7 @@ class ExactJenkins(ElasticCoulomb):
     def _harmonic_1(self, X):
         """Return the amplitude of T of cos of amplitude X, and its derivatives by X, by mu N0 and by k_t."""
         limit, k = self.mu * self.N0, self.k_t
-        part = np.divide(limit, k * X, out=np.ones_like(X), where=k * X > limit)  # 1: it sticks
+        part = np.divide(limit, k * X, out=np.ones_like(X), where=k * X > limit)  # 1 where it sticks
         th = np.arccos(1.0 - 2.0 * part)
         g, sin = th - np.sin(2.0 * th) / 2.0, np.sin(th)
         T = k * X / np.pi * g + 4j * limit / np.pi * (1.0 - part)

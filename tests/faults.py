@@ -1,10 +1,10 @@
-"""The program with a fault in it: on one rank, at one moment, something raises, exits, is killed or hangs.
+"""The program with a fault: on one rank, at one moment, it raises, exits, is killed or hangs.
 
     python tests/faults.py MOMENT FAULT RANK microslip's arguments ...
 
-MOMENT is ``stage:NAME``, the beginning of a stage of the log whose name begins so; ``point:N``, within point N (from 0), on any
-level; ``written:N``, after file N (from 0) is written beside and before it takes its place; ``start``, before MPI.  Tests call
-:func:`microslip_with` and have the time that it took, too.
+MOMENT is ``stage:NAME``, the start of a stage of the log whose name begins with NAME; ``point:N``, within point N (from 0), on any
+level; ``written:N``, after file N (from 0) is written and before it is moved to its place; ``start``, before MPI.  Tests call
+:func:`microslip_with`, which also returns the time.
 """
 
 import ctypes
@@ -20,7 +20,7 @@ from pathlib import Path
 
 from processes import python
 
-MARK = "FAULT_AT"  # of the environment: a file for the time of the fault
+MARK = "FAULT_AT"  # environment variable: a file for the time of the fault
 
 
 def _raise(problem):
@@ -74,29 +74,29 @@ FAULTS = {
 
 @dataclass
 class Ended:
-    """How the program ended."""
+    """The end of the program."""
 
     status: int
     out: str
     err: str
-    seconds: float  # in all
-    after: float | None  # of them after the fault; None: it did not come about
+    seconds: float  # total
+    after: float | None  # after the fault; None: it did not occur
 
 
 def microslip_with(moment, fault, rank, *arguments, ranks=1, cwd=None, **variables) -> Ended:
-    """Run the program with a fault on some ranks, with further environment ``variables``; a hang of 180 s is an error."""
+    """Run the program with a fault on some ranks, with additional environment ``variables``; a hang of 180 s is an error."""
     began = time.time()
     with tempfile.TemporaryDirectory() as folder:
         mark = Path(folder) / "at"
-        told = variables | {MARK: mark}
-        done = python(__file__, moment, fault, rank, *arguments, ranks=ranks, cwd=cwd, variables=told)
+        environment_of_fault = variables | {MARK: mark}
+        done = python(__file__, moment, fault, rank, *arguments, ranks=ranks, cwd=cwd, variables=environment_of_fault)
         ended = time.time()
         after = ended - float(mark.read_text()) if mark.exists() else None
     return Ended(done.returncode, done.stdout, done.stderr, ended - began, after)
 
 
 class Fault:
-    """A fault that comes about once, when its moment does, if this is its rank ("all": any)."""
+    """A fault that occurs once, at its moment, if this is its rank ("all": any)."""
 
     def __init__(self, name: str, rank: str):
         self._do, self._rank, self._left = FAULTS[name], rank, True
@@ -110,7 +110,7 @@ class Fault:
 
 
 def install(moment: str, fault: Fault) -> None:
-    """Patch the program so that the fault comes about at its moment."""
+    """Patch the program so that the fault occurs at its moment."""
     kind, _, what = moment.partition(":")
     {"start": _at_start, "stage": _in_stage, "point": _in_point, "written": _while_writing}[kind](what, fault)
 

@@ -1,4 +1,4 @@
-"""Calls of a sandbox in this process, for tests that put something in the place of a library."""
+"""Calls of a sandbox in this process, for tests that replace a library."""
 
 import io
 
@@ -7,7 +7,7 @@ from microslip.system import plain_data, sandbox
 
 
 def in_process(monkeypatch):
-    """Let :func:`sandbox.call` call here; what it returns is written and read as between processes."""
+    """Let :func:`sandbox.call` call in this process; results are serialised as between processes."""
 
     def call(function, *arguments, returns=(), **limits):
         try:

@@ -1,4 +1,4 @@
-"""Two beams in a lap joint: the smallest scene that goes through the whole program, and its mesh as lines of text."""
+"""Two beams in a lap joint: the smallest scene for the whole program, and its mesh as lines of text."""
 
 from pathlib import Path
 

@@ -1,7 +1,7 @@
-"""Structures with known answers: lattices of masses and springs, and trusses, distributed over the ranks.
+"""Structures with known solutions: lattices of masses and springs, and trusses, distributed over the ranks.
 
 A lattice has n_x x n_y x n_z masses with three DOFs each; springs join neighbours and act in all three directions, with
-stiffness ``STIFFNESS[d]`` in direction d.  The masses at both ends of every line along x hang on a wall; along y and z the
+stiffness ``STIFFNESS[d]`` in direction d.  The masses at both ends of every line along x are attached to a wall; along y and z the
 ends are free.  Cut in two at the middle of x, and joined again by contact pairs with the stiffness of the cut springs, the
 stuck structure is the whole lattice, whose frequencies are known.
 """
@@ -16,12 +16,12 @@ from petsc4py import PETSc
 from microslip.assembly.system import System
 from microslip.mesh.data import ContactPairs
 
-STIFFNESS = np.array([1.7e6, 1.0e6, 1.0e6])  # N/m, in direction x, y, z; y and z equal: every mode of theirs is double
+STIFFNESS = np.array([1.7e6, 1.0e6, 1.0e6])  # N/m, in direction x, y, z; y and z equal, so that their modes are double
 MASS = 0.25  # kg
 
 
 def split_rows(n: int, size: int, empty_rank: int | None = None) -> np.ndarray:
-    """Return (size + 1,) row ranges; ``empty_rank`` gets none if there is more than one rank."""
+    """Return (size + 1,) row ranges; ``empty_rank`` has none if there is more than one rank."""
     workers = [rank for rank in range(size) if size == 1 or rank != empty_rank]
     counts = np.zeros(size, dtype=int)
     for k, rank in enumerate(workers):
@@ -30,7 +30,7 @@ def split_rows(n: int, size: int, empty_rank: int | None = None) -> np.ndarray:
 
 
 def distributed(comm, A, ranges: np.ndarray) -> PETSc.Mat:
-    """Return a SciPy matrix, known to every rank, as a symmetric AIJ matrix.  Collective on ``comm``."""
+    """Return a SciPy matrix, present on every rank, as a symmetric AIJ matrix.  Collective on ``comm``."""
     first, last = ranges[comm.rank], ranges[comm.rank + 1]
     owned = sp.csr_matrix(A)[first:last]
     owned.sort_indices()
@@ -42,7 +42,7 @@ def distributed(comm, A, ranges: np.ndarray) -> PETSc.Mat:
 
 def chain(n: int, walls: bool, cut: int | None = None) -> sp.csr_matrix:
     """Return the stiffness of n masses in a row with unit springs, without spring ``cut`` (between cut - 1 and cut)."""
-    B = sp.diags([-np.ones(n), np.ones(n)], [-1, 0], shape=(n + 1, n)).tolil()  # elongations, walls included
+    B = sp.diags([-np.ones(n), np.ones(n)], [-1, 0], shape=(n + 1, n)).tolil()  # elongations, including walls
     if not walls:
         B[0] = B[n] = 0.0
     if cut is not None:
@@ -61,7 +61,7 @@ def lattice_stiffness(shape, cut=None, walls=True) -> sp.csr_matrix:
 
 
 def lattice_frequencies(shape) -> np.ndarray:
-    """Return all omega_n [rad/s], rising, from the product form."""
+    """Return all omega_n [rad/s], ascending, from the product form."""
     n_x, n_y, n_z = shape
     x = 4.0 * np.sin(np.arange(1, n_x + 1) * np.pi / (2 * (n_x + 1))) ** 2
     y, z = (4.0 * np.sin(np.arange(n) * np.pi / (2 * n)) ** 2 for n in (n_y, n_z))
@@ -73,7 +73,7 @@ def lattice(comm, shape=(6, 3, 2), *, k_t=None, k_n=None, walls=True, empty_rank
     """Return (system, pairs) of a lattice cut at the middle of x and joined by a pair per cut line.
 
     The pairs' frames have z along x (normal to the cut), so ``k_n`` acts in direction x and ``k_t`` in y and z; by default
-    they are the stiffness of the cut springs.  Without walls only the first half is held.
+    they are the stiffness of the cut springs.  Without walls only the first half is supported.
     """
     n_x, n_yz = shape[0], shape[1] * shape[2]
     cut = n_x // 2
@@ -125,7 +125,7 @@ def lattice(comm, shape=(6, 3, 2), *, k_t=None, k_n=None, walls=True, empty_rank
 
 
 def truss(n_x=3, n_y=2, n_z=2) -> tuple[np.ndarray, sp.csr_matrix]:
-    """Return (points, K) of a braced box of unit bars: free in space, so six motions strain nothing."""
+    """Return (points, K) of a braced box of unit bars: free in space, with six motions without strain."""
     points = np.stack(np.meshgrid(range(n_x), range(n_y), range(n_z), indexing="ij"), -1).reshape(-1, 3).astype(float)
     a, b = np.triu_indices(len(points), 1)
     length = np.linalg.norm(points[b] - points[a], axis=1)
@@ -143,7 +143,7 @@ def truss(n_x=3, n_y=2, n_z=2) -> tuple[np.ndarray, sp.csr_matrix]:
 def softly_held_truss(held: float, elastic: float, omega: np.ndarray, **damping):
     """Return load, output, free stiffness, ground stiffness and the system of a truss with one pair, on soft springs.
 
-    ``held``: frequency on the springs over ``elastic``, the lowest elastic one [rad/s].
+    ``held``: frequency on the springs relative to ``elastic``, the lowest elastic frequency [rad/s].
     """
     _, free = truss()
     n, soft = free.shape[0], (held * elastic) ** 2

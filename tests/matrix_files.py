@@ -1,4 +1,4 @@
-"""Write a symmetric matrix as other programs do, a function a format: what their readers are tried on."""
+"""Functions that write a symmetric matrix in the formats of other programs, to test their readers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def write_mat(path: Path, A, dofs=None) -> None:
 
 
 def write_mat73(path: Path, A, dofs=None) -> None:
-    """Write a sparse matrix as MATLAB's -v7.3 does: a group with data, ir, jc."""
+    """Write a sparse matrix in MATLAB's -v7.3 format: a group with data, ir, jc."""
     import h5py
 
     A = sp.csc_matrix(A)
@@ -36,7 +36,7 @@ def write_mat73(path: Path, A, dofs=None) -> None:
 
 
 def write_petsc(path: Path, A, dofs=None) -> None:
-    """Write by PETSc itself, one rank."""
+    """Write by PETSc on one rank."""
     from mpi4py import MPI
     from petsc4py import PETSc
 
@@ -53,7 +53,7 @@ def write_hb(path: Path, A, dofs=None) -> None:
 
 
 def write_op4_text(path: Path, A, dofs=None, name="K") -> None:
-    """Write full columns of numbers of 64 bits, five a line."""
+    """Write full columns of 64-bit numbers, five per line."""
     A = np.asarray(sp.csr_matrix(A).todense())
     n_rows, n_columns = A.shape
     lines = [f"{n_columns:8d}{n_rows:8d}{6:8d}{2:8d}{name:<8s}1P,3E23.16"]
@@ -93,7 +93,7 @@ def framed(record: bytes, order: str = "<") -> bytes:
 
 
 def write_op2(path: Path, A, dofs=None, name="K") -> None:
-    """Write a data block of numbers of 64 bits, one string an entry."""
+    """Write a data block of 64-bit numbers, one string per entry."""
     A = sp.csc_matrix(A)
     marker = lambda number: framed(struct.pack("<i", number))  # noqa: E731
     label = f"{name:<8s}".encode()
@@ -108,7 +108,7 @@ def write_op2(path: Path, A, dofs=None, name="K") -> None:
 
 
 def write_dmig(path: Path, A, dofs, name="KAAX") -> None:
-    """Write one triangle in fields of sixteen, as a punch file has it."""
+    """Write one triangle in fields of sixteen, as in a punch file."""
     A = sp.tril(A).tocsc()
     lines = [f"DMIG    {name:<8s}       0       6       2       0{'':16s}{A.shape[0]:8d}"]
     for j in range(A.shape[1]):
@@ -119,7 +119,7 @@ def write_dmig(path: Path, A, dofs, name="KAAX") -> None:
 
 
 def write_abaqus(path: Path, A, dofs) -> None:
-    """Write the lower triangle by nodes and degrees of freedom, and a node that is held."""
+    """Write the lower triangle by nodes and degrees of freedom, and a fixed node."""
     A = sp.tril(A).tocoo()
     places = zip(dofs.nodes[A.row], dofs.directions[A.row], dofs.nodes[A.col], dofs.directions[A.col], A.data)
     lines = [f"{i},{a}, {j},{b}, {value:22.15e}" for i, a, j, b, value in places]
@@ -127,14 +127,14 @@ def write_abaqus(path: Path, A, dofs) -> None:
 
 
 def write_calculix(path: Path, A, dofs) -> None:
-    """Write the upper triangle, column by column, and the rows beside it."""
+    """Write the upper triangle, column by column, and the rows in another file."""
     A = sp.triu(A).tocsc().tocoo()
     path.write_text("".join(f"{i + 1} {j + 1} {value:20.13e}\n" for i, j, value in zip(A.row, A.col, A.data)))
     path.with_suffix(".dof").write_text("".join(f"{node}.{axis}\n" for node, axis in zip(dofs.nodes, dofs.directions)))
 
 
 def write_full(path: Path, A, dofs, symbol="K") -> None:
-    """Write a .full of symbolic assembly that holds one matrix; the last three equations are constrained."""
+    """Write a .full of symbolic assembly with one matrix; the last three equations are constrained."""
     A = sp.csr_matrix(A)
     n = A.shape[0] + 3
     whole = sp.block_diag([A, 7.0 * sp.identity(3)]).tocsr()
@@ -156,7 +156,7 @@ def write_full(path: Path, A, dofs, symbol="K") -> None:
 
 
 def write_sub(path: Path, A, dofs, symbol="K", n_modes=0, is_triangle=False) -> None:
-    """Write a .sub that holds two matrices, of which the other is seven times this one; the last rows are those of modes."""
+    """Write a .sub with two matrices, of which the other is seven times this one; the last rows are those of modes."""
     A = sp.csr_matrix(A).toarray()
     n, modes = len(A), np.arange(n_modes) + 3 * (dofs.nodes.max() + 5)
     rows = np.r_[3 * (dofs.nodes - 1) + dofs.directions, modes][:n]
@@ -177,7 +177,7 @@ def _record(values: np.ndarray) -> bytes:
     return struct.pack("<iI", len(data) // 4, 0 if is_number else 0x80000000) + data + struct.pack("<i", len(data) // 4)
 
 
-WRITERS = {  # ending: how to write it, and what it keeps of 16 digits
+WRITERS = {  # ending: function, and its relative precision
     "mtx": (write_mtx, 1e-15),
     "npz": (write_npz, 1e-15),
     "mat": (write_mat, 1e-15),

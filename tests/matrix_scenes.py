@@ -1,4 +1,4 @@
-"""Scenes given as matrices: the systems of tests/oracles/scenes.py as files, and the way from such a file to its branches."""
+"""Scenes given as matrices: the systems of tests/oracles/scenes.py as files, and the branches of such a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One small model, a bar on a plate, for the files of every program: a writer a format, and the scene that all of them share."""
+"""One small model, a bar on a plate, for the files of every program: one writer per format, and their common scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from box_meshes import box
 from microslip.formats.via_meshio import load_meshio
 
 YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7800.0
-OFFSET = 100  # node numbers begin after it, with a hole in the middle
+OFFSET = 100  # node numbers start after it, with a gap in the middle
 SCENE = {
     "joints": (
         {
@@ -57,7 +57,7 @@ class Plain:
 
     @property
     def numbers(self) -> np.ndarray:
-        """Node numbers, with a hole."""
+        """Return the node numbers, with a gap."""
         n = np.arange(len(self.points))
         return OFFSET + 1 + n + 1000 * (n > len(n) // 2)
 
@@ -78,7 +78,7 @@ def plain(kind: str = "hex8", plate: str | None = None) -> Plain:
 
 
 def tables(file: str, **model) -> dict:
-    """Return the scene of a model file that states materials, bodies and supports itself."""
+    """Return the scene of a model file that has materials, bodies and supports."""
     return {"model": {"mesh": file, **model}, **SCENE}
 
 
@@ -181,12 +181,12 @@ def ds_dat(model: Plain, more: tuple[str, ...] = ()) -> str:
 
 
 def _numbers_at(model: Plain, name: str) -> Callable[[tuple[float, float]], int]:
-    """Return a function from (x, y) to the number of the node there of a set."""
+    """Return a function from (x, y) to the number of the node of a set at that position."""
     nodes = model.sets[name]
     return lambda at: int(model.numbers[nodes[np.argmin(np.hypot(*(model.points[nodes, :2] - at).T))]])
 
 
-_ANSYS = {  # this program's order of nodes in Ansys' hexahedra that are drawn together
+_ANSYS = {  # this program's order of nodes in degenerate hexahedra of Ansys
     "wedge6": [0, 1, 2, 2, 3, 4, 5, 5],
     "wedge15": [0, 1, 2, 2, 3, 4, 5, 5, 6, 7, 2, 8, 9, 10, 5, 11, 12, 13, 14, 14],
     "pyramid5": [0, 1, 2, 3, 4, 4, 4, 4],
@@ -254,7 +254,7 @@ def unv(model: Plain) -> str:
     return "\n".join([*lines, "    -1", ""])
 
 
-_ROUND = {  # places of I-deas' nodes, which go round a face, in this program's order
+_ROUND = {  # positions of I-deas' nodes, ordered around a face, in this program's order
     "tet10": [0, 2, 4, 9, 1, 3, 5, 6, 7, 8],
     "wedge15": [0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8],
     "hex20": [0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11],
@@ -308,7 +308,7 @@ def _letters(names: list[str]) -> np.ndarray:
 
 
 def inp(model: Plain, more: tuple[str, ...] = ()) -> str:
-    """Return an Abaqus input file of two parts, the first drawn elsewhere and turned; ``more`` are further cards before the step."""
+    """Return an Abaqus input file of two parts, the first translated and rotated; ``more`` are further cards before the step."""
     of_kind = {"hex8": "C3D8I", "hex20": "C3D20", "tet4": "C3D4", "tet10": "C3D10", "wedge6": "C3D6", "wedge15": "C3D15"}
     lines, assembly = ["*Heading", "bar on a plate"], ["*Assembly, name=Assembly"]
     for name, kind, block in zip(("BAR", "PLATE"), model.kinds, model.elements, strict=True):

@@ -1,4 +1,4 @@
-"""The program in processes of its own, on one or several ranks, as a user starts it."""
+"""The program in separate processes, on one or several ranks, as started by a user."""
 
 import os
 import shutil
@@ -6,18 +6,18 @@ import subprocess
 import sys
 import time
 
-LIMIT = 180.0  # s: longer is a hang, also where the cores are shared with others
-MPIRUN = shutil.which(os.environ.get("MPIRUN", "mpirun")) or "mpirun"  # the path: a test may put its own in PATH
+LIMIT = 180.0  # s: longer is a hang, even if the cores are shared with other processes
+MPIRUN = shutil.which(os.environ.get("MPIRUN", "mpirun")) or "mpirun"  # full path: a test may change PATH
 
 
 def environment(ranks: int = 2) -> dict[str, str]:
-    """Return this process's environment without what MPI put into it: it would confuse another mpirun.
+    """Return this process's environment without the variables of MPI, which would disturb another mpirun.
 
-    One rank waits for nobody, and shall not yield its core to other tests in each call of MPI.
+    A single rank does not yield its core in each call of MPI.
     """
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PMI_", "ORTE_"))}
+    variables = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PMI_", "ORTE_"))}
     return {
-        **kept,
+        **variables,
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "OMPI_MCA_mpi_yield_when_idle": str(int(ranks > 1)),
@@ -26,7 +26,7 @@ def environment(ranks: int = 2) -> dict[str, str]:
 
 
 def python(*arguments, ranks: int = 1, cwd=None, variables=None) -> subprocess.CompletedProcess:
-    """Run Python with ``arguments`` on some ranks and return what came out; a hang is an error."""
+    """Run Python with ``arguments`` on some ranks and return its output; a hang is an error."""
     env = environment(ranks) | {name: str(value) for name, value in (variables or {}).items()}
     launcher = [MPIRUN, "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
     command = [*launcher, sys.executable, *map(str, arguments)]

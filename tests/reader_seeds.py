@@ -1,4 +1,4 @@
-"""A few small files for every reader, as programs write them: what fuzzers start from."""
+"""A few small files for every reader, as written by programs: the seeds of fuzzers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 from box_meshes import box
-from kept_results import LEVELS, boxes_in_contact, fields
+from full_results import LEVELS, boxes_in_contact, fields
 from matrix_files import WRITERS
 from plain_model import bdf, cdb, ds_dat, exodus, inp, plain, unv
 from scene_files import GOOD
@@ -117,7 +117,7 @@ def _mat(folder: Path) -> list[bytes]:
 
 
 def _petsc(folder: Path) -> list[bytes]:
-    """Return compressed rows and a dense matrix, as PETSc lays them out."""
+    """Return compressed rows and a dense matrix in PETSc's layout."""
     rows = sp.csr_matrix(A)
     head = np.array([1211216, N, N, rows.nnz, *np.diff(rows.indptr), *rows.indices], dtype=">i4")
     dense = np.array([1211216, N, N, -1], dtype=">i4")
@@ -125,7 +125,7 @@ def _petsc(folder: Path) -> list[bytes]:
 
 
 def _scenes(folder: Path) -> list[bytes]:
-    """Return the scenes of the jobs, with empty files beside them for those that they name."""
+    """Return the scenes of the jobs, with empty files for those that they name."""
     texts = [GOOD, *(path.read_text() for path in sorted((ROOT / "jobs").glob("*.toml")))]
     texts = [re.sub(r'"[^"\n]*/([\w.]+)"', r'"\1"', text) for text in texts]
     for text in texts:
@@ -149,7 +149,7 @@ def _results(folder: Path) -> list[bytes]:
 
 
 def _restart(folder: Path) -> list[bytes]:
-    """Return a journal of points, its end, a state with a part, an identity, columns and a set-up, of few numbers each."""
+    """Return a journal of points, its end, a state with a part, an identity, columns and a set-up, with few numbers each."""
     pairs = boxes_in_contact()
     points = [pack(*of_point(point)) for point in branch(LEVELS[1], pairs, n_points=2).points]
     said = {"level": 1.0, "n_points": 2, "failure": None, "is_linear": False, "closes_to": 1e-6, "odd": False}
@@ -167,7 +167,7 @@ def _restart(folder: Path) -> list[bytes]:
 
 
 def _set_up(pairs: ContactPairs) -> tuple[dict[str, np.ndarray], dict]:
-    """Return arrays and texts as a set-up has them."""
+    """Return arrays and texts of a set-up."""
     n, seen = 3 * pairs.n_pairs, {"omega_n": np.ones(2), "b": np.ones((2, 1)), "o": np.ones((1, 2))}
     statics = {"du_static": np.ones((n, 1)), "out_static": np.ones((1, 1)), "out_R": np.ones((1, n)), "row_sums": np.ones(n)}
     statics |= {"load_static": np.ones((1, 1)), "outputs_static": np.ones(1)}

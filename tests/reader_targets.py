@@ -1,4 +1,4 @@
-"""Every reader of the program, as a function of one file, and what it may do with whatever is in it."""
+"""Every reader of the program, as a function of one file, and its permitted outcomes for any contents."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from microslip.results.read import read_results, refuse_deadly
 from microslip.scene.read import read_scene
 from microslip.tables.joint import Joint
 
-MOST_SECONDS = 5.0  # of the processor, for any file of 64 kB
+MOST_SECONDS = 5.0  # processor time for any file of 64 kB
 _NUMBERS = (
     "-1",
     "0",
@@ -63,8 +63,8 @@ class Target:
 
     ending: str  # of the names of its files
     read: Callable[[Path], Any]
-    words: tuple[str, ...] = ()  # what its files are made of, beside numbers
-    is_own: bool = False  # files of the program's own: damaged, they are as good as not there
+    words: tuple[str, ...] = ()  # words of its files, in addition to numbers
+    is_own: bool = False  # files of this program: if damaged, they are treated as missing
 
     @property
     def dictionary(self) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ class Target:
 
 
 def verdict(target: Target, path: Path) -> str | None:
-    """Return what a reader does wrong with a file, one line for each cause; None where it reads it or says what is at fault."""
+    """Return the fault of a reader on a file, one line per cause; None if it reads the file or reports a fault of the file."""
     began = time.process_time()
     try:
         with warnings.catch_warnings(record=True) as warned:
@@ -83,7 +83,7 @@ def verdict(target: Target, path: Path) -> str | None:
             return "asked for more memory than there is"
         if not str(problem).strip() or len(str(problem)) > 5000:
             return f"a message of {len(str(problem))} characters"
-    except BaseException as problem:  # the reader's, or what a library beneath it exits with
+    except BaseException as problem:  # of the reader, or of a library
         if isinstance(problem, KeyboardInterrupt):
             raise
         own = [frame for frame in traceback.extract_tb(problem.__traceback__) if "/microslip/" in frame.filename]
@@ -97,7 +97,7 @@ def verdict(target: Target, path: Path) -> str | None:
 
 
 def _out_of_memory(problem: BaseException | None) -> bool:
-    """Return whether an error stands for an allocation that failed."""
+    """Return whether an error represents a failed allocation."""
     while problem is not None:
         if isinstance(problem, MemoryError):
             return True
@@ -132,7 +132,7 @@ def _recovery(path: Path) -> Any:
 
 
 def _all_steps(path: Path) -> Any:
-    """Read a file as it is, and with the conditions of its first two steps."""
+    """Read a file without a step, and with the conditions of its first two steps."""
     model = read_model(path)
     return [read_model(path, step.number) for step in model.steps[1:3]]
 
@@ -144,7 +144,7 @@ def _lock(path: Path) -> Any:
 
 
 def _restart(path: Path) -> Any:
-    """Read a file as each of those that a run goes on from."""
+    """Read a file as each kind of restart file."""
     for read in (_points, _ended, _identity, _set_up, _columns):
         with contextlib.suppress(CaseError):
             checked_read(path, read, path)

@@ -1,4 +1,4 @@
-"""A bar that its joint alone holds on ground, under constant loads: scenes of the tests of statics."""
+"""A bar supported only by its joint on ground, under constant loads: scenes of the tests of statics."""
 
 import numpy as np
 from blocks import stacked
@@ -22,7 +22,7 @@ SCENE = (
 )
 
 
-GUIDED = (  # no friction: the bar is held along the joint by a support
+GUIDED = (  # no friction: a support holds the bar along the joint
     ("friction = 0.3", "friction = 0.0"),
     ('fix = ["x", "y", "z"]\n', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "bar_start"\nfix = ["x", "y"]\n'),
 )
@@ -55,12 +55,12 @@ def force(x, y, z, group="bar_top"):
 
 
 def eccentric(size):
-    """A load whose line of action meets the joint at 0.9 of its length."""
+    """Return a load whose line of action crosses the joint at 0.9 of its length."""
     return force(0.0, 0.0, -0.2 * size) + force(0.0, 0.0, -0.8 * size, "bar_end")
 
 
 def at_one_frequency(comm, scene):
-    """Return harmonics 1 to 3 of the output at the frequency requested for, and the states of the pairs."""
+    """Return harmonics 1 to 3 of the output at the requested frequency, and the states of the pairs."""
     with microslip.build(scene, comm) as structure:
         (level,) = microslip.respond(structure, error_bars=False).results.levels
     (i,) = np.flatnonzero(level.requested)

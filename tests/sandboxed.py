@@ -1,4 +1,4 @@
-"""What tests call in a sandbox, which imports it from here."""
+"""Functions that tests call in a sandbox, which imports them from here."""
 
 import os
 import time
@@ -13,7 +13,7 @@ from microslip.messages.errors import MeshError
 
 @dataclass(frozen=True)
 class Answer:
-    """One of everything."""
+    """A value of every kind."""
 
     array: np.ndarray
     matrix: sp.spmatrix
@@ -63,7 +63,7 @@ def defect(text: str) -> None:
 
 
 def descriptors() -> list[str]:
-    """Return what this process has open, but for what tells it."""
+    """Return the open descriptors of this process, without the pipe of the result."""
     return [os.readlink(f"/proc/self/fd/{n}") for n in os.listdir("/proc/self/fd") if os.path.exists(f"/proc/self/fd/{n}")]
 
 
@@ -72,6 +72,6 @@ def variables() -> list[str]:
 
 
 def name_and_sleep(file: str) -> None:
-    """Write the number of this process to a file, and stay."""
+    """Write the number of this process to a file, and wait."""
     Path(file).write_text(f"{os.getpid()}\n")
     time.sleep(60.0)

@@ -42,11 +42,11 @@ def frequencies(K, M, fixed, n, n_rigid=0):
     shift = -1e-6 * (K.diagonal() / M.diagonal()).max() if n_rigid else 0.0
     start = np.random.default_rng(0).standard_normal(len(free))
     squares = sla.eigsh(K, n + n_rigid, M, sigma=shift, v0=start, return_eigenvectors=False)
-    return np.sqrt(np.maximum(np.sort(squares)[n_rigid:], 0.0)) / (2.0 * np.pi)  # round-off of a mechanism
+    return np.sqrt(np.maximum(np.sort(squares)[n_rigid:], 0.0)) / (2.0 * np.pi)  # zero for rounding of a mechanism
 
 
 def bent(points: np.ndarray) -> np.ndarray:
-    """Return points of the box 1 x 1.5 x 4 moved into a curved, twisted, tapered bar (smooth, one to one)."""
+    """Return points of the box 1 x 1.5 x 4 mapped to a curved, twisted, tapered bar (smooth, one to one)."""
     x, y, z = points.T
     s = z / 4.0
     angle, taper = 0.6 * s, 1.0 - 0.3 * s

@@ -11,7 +11,7 @@ SOLVER = ROOT / "solver" / "microslip"
 
 @cache
 def sources():
-    """Return {path: text} of the package's Python and C files, without what Cython made."""
+    """Return {path: text} of the package's Python and C files, without the output of Cython."""
     files = [*SOLVER.rglob("*.py"), *SOLVER.rglob("*.c")]
     return {path: path.read_text(encoding="utf-8") for path in sorted(files) if not path.with_suffix(".pyx").exists()}
 

@@ -74,7 +74,7 @@ def no_pairs() -> ContactPairs:
 
 
 def head(pairs, outputs=("tip",), title=TITLE, H: int = 3, linear=True, method="adaptive") -> ResultFile:
-    """Return what a result file says before its levels."""
+    """Return the head of a result file, before its levels."""
     return ResultFile(
         path="",
         title=title,
@@ -175,7 +175,7 @@ def write(folder, branches, pairs, **options) -> str:
 
 
 def observe(writer: ResultWriter, branches: list[Branch]) -> None:
-    """Tell the writer of whole branches, one after the other.  Collective on its communicator."""
+    """Pass whole branches to the writer, one after the other.  Collective on its communicator."""
     notify = Observers(writer.comm, [each.level for each in branches], [writer]).notify
     for number, each in enumerate(branches):
         notify("level_started", number)

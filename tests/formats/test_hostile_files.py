@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
-from kept_results import kept
+from full_results import write_full_results
 from plain_model import POISSON, YOUNG, bdf, exodus, inp, plain
 from reader_seeds import SEEDS
 from reader_targets import TARGETS, verdict
@@ -355,7 +355,7 @@ def test_a_stated_source_of_results_may_be_a_pipe(tmp_path, place):
 
 
 def test_texts_of_variable_length_are_read(tmp_path):
-    path = kept(tmp_path)
+    path = write_full_results(tmp_path)
     with h5py.File(path, "r+") as file:
         del file["scene/name"]
         file["scene/name"] = "earlier"

@@ -1,4 +1,4 @@
-"""The scripts for clusters, run as a scheduler would: its variables set, from the folder that a job is sent from."""
+"""The scripts for clusters, run as by a scheduler: with its variables, in the folder from which a job is submitted."""
 
 import os
 import shutil
@@ -46,7 +46,7 @@ def ended(process):
 
 
 @pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
-def test_what_is_launched(tmp_path, script):
+def test_the_scripts_launch_the_run(tmp_path, script):
     (tmp_path / "values.txt").write_text("joints.a.friction=0.1\njoints.a.friction=0.2 response.levels=[1.0,2.0]\n")
     assert ended(job(tmp_path, script, "jobs/fan.toml")) == (0, "")
     assert (tmp_path / "said").read_text() == "microslip run jobs/fan.toml\n"
@@ -58,7 +58,7 @@ def test_what_is_launched(tmp_path, script):
 
 
 @pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
-def test_what_is_missing_is_said_and_nothing_is_launched(tmp_path, script):
+def test_missing_arguments_are_reported_and_nothing_is_launched(tmp_path, script):
     (tmp_path / "values.txt").write_text("joints.a.friction=0.1\n")
     for asked, message in (
         ({"scene": ""}, "the scene is missing"),
@@ -71,7 +71,7 @@ def test_what_is_missing_is_said_and_nothing_is_launched(tmp_path, script):
 
 
 @pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
-def test_a_signal_to_the_script_reaches_the_run_whose_status_it_ends_with(tmp_path, script):
+def test_a_signal_is_passed_to_the_run_and_its_status_is_returned(tmp_path, script):
     launcher = "trap 'kill $!; echo told > told; exit 5' TERM\nsleep 60 > /dev/null 2>&1 &\necho begun > begun\nwait"
     process = job(tmp_path, script, launcher=launcher)
     wait_for(tmp_path / "begun")
@@ -97,7 +97,7 @@ STOPS = "mkdir -p results/fan_1\necho row >> results/fan_1/frf.csv\nexit 5"  # i
     ],
     ids=["slurm", "pbs", "pbs-array"],
 )
-def test_a_run_that_stops_in_time_is_put_into_the_queue_again_while_it_comes_further(tmp_path, script, number, first, later):
+def test_a_run_stopped_by_its_time_limit_is_requeued_while_it_makes_progress(tmp_path, script, number, first, later):
     (tmp_path / "values.txt").write_text("joints.a.friction=0.1\n")
     queued, asked = tmp_path / "queued", {"scene": "fan.toml", "values": "values.txt", "task": 1}
     asked |= {"SLURM_JOB_ID": number, "PBS_JOBID": number}
@@ -124,7 +124,7 @@ def test_a_task_of_an_array_on_two_ranks(tmp_path):
     assert "scene.toml --set response.levels=[0.03] --set solver.harmonics=5\n" in (out / "run.log").read_text()
 
 
-def test_the_values_that_come_along_fit_the_demo():
+def test_the_example_values_are_valid_for_the_demo():
     lines = (ROOT / "jobs" / "values.txt").read_text().splitlines()
     assert len(lines) == 4
     for line in lines:
@@ -132,14 +132,14 @@ def test_the_values_that_come_along_fit_the_demo():
 
 
 @pytest.mark.skipif(shutil.which("shellcheck") is None, reason="needs shellcheck")
-def test_shellcheck_finds_nothing():
+def test_scripts_pass_shellcheck():
     files = [*(ROOT / "jobs").glob("*.sh"), ROOT / ".ci" / "run", ROOT / ".ci" / "packages"]
     process = subprocess.run(["shellcheck", "--exclude=SC1091", *map(str, files)], capture_output=True, text=True, check=False)
     assert process.returncode == 0, process.stdout
 
 
 @pytest.mark.parametrize("script", ["slurm_sweep.sh", "pbs_sweep.sh"])
-def test_a_task_of_a_sweep_is_its_part(tmp_path, script):
+def test_a_task_of_a_sweep_computes_its_part(tmp_path, script):
     options = ["--scatter", "level=10", "--samples", "8"]
     own = {"SLURM_ARRAY_TASK_ID": 3, "SLURM_ARRAY_TASK_COUNT": 5}
     own |= {"PBS_ARRAY_INDEX": 3, "PBS_O_WORKDIR": tmp_path, "scene": "scene.toml", "parts": 5, "options": " ".join(options)}

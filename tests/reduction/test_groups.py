@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "harmonic"))
 
-from kept_results import boxes_in_contact
+from full_results import boxes_in_contact
 from ring import LOAD, MASS, OUTPUT, ZETA, Sector, Wave
 
 from microslip.fourier.amplitudes import to_complex

@@ -1,11 +1,11 @@
-"""Results for other programs: files against their formats, and read again by programs that none of us wrote."""
+"""Results for other programs: files checked by their formats, and read by independent programs."""
 
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from kept_results import LEVELS, MESH, fields, kept
+from full_results import LEVELS, MESH, fields, write_full_results
 from scipy.io import loadmat
 from synthetic_results import branch, no_pairs, pairs_of, write
 
@@ -20,7 +20,7 @@ from microslip.results.universal_file import ELEMENTS
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    return kept(tmp_path_factory.mktemp("kept"), title="<script>alert(1)</script>")
+    return write_full_results(tmp_path_factory.mktemp("kept"), title="<script>alert(1)</script>")
 
 
 @pytest.fixture(scope="module")
@@ -32,12 +32,12 @@ def paraview(path, tmp_path_factory):
 # -- ParaView -------------------------------------------------------------------------------------------------------------
 
 
-def test_every_series_is_there(paraview):
+def test_every_series_is_written(paraview):
     series = [f"{name}_{i:04d}.vtkhdf" for name in ("motion", "joint_motion") for i in range(len(LEVELS))]
     assert sorted(paraview) == sorted(["mode_shapes.vtkhdf", "rest.vtkhdf", "joint.vtkhdf", *series])
 
 
-def test_steps_say_where_their_values_begin(path, paraview):
+def test_steps_have_the_offsets_of_their_values(path, paraview):
     level = read_results(path).levels[1]
     with h5py.File(paraview["motion_0001.vtkhdf"]) as file:
         root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
@@ -53,7 +53,7 @@ def test_steps_say_where_their_values_begin(path, paraview):
         assert file["VTKHDF/Steps/Values"][()] == pytest.approx([100.0, 312.5])
 
 
-def test_the_joint_is_a_mesh_of_its_own_level_by_level(path, paraview):
+def test_the_joint_is_a_separate_mesh_with_a_step_per_level(path, paraview):
     results = read_results(path)
     with h5py.File(paraview["joint.vtkhdf"]) as file:
         root = file["VTKHDF"]
@@ -68,7 +68,7 @@ def test_the_joint_is_a_mesh_of_its_own_level_by_level(path, paraview):
         for k, own in enumerate(pair):
             corners = points[root["Polygons/Connectivity"][offsets[k] : offsets[k + 1]]]
             area[own] += 0.5 * np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1]))
-    assert area.sum() == pytest.approx(1.0)  # of the whole surface: cells neither overlap nor leave gaps
+    assert area.sum() == pytest.approx(1.0)  # the whole surface: cells neither overlap nor have gaps
 
 
 @pytest.mark.slow
@@ -112,7 +112,7 @@ def test_vtk_reads_and_renders_the_series(paraview):
 
 
 def test_forces_and_slip_of_a_cycle_are_those_of_the_law(path):
-    """By eq. (1.3): a pair with p = 0 does not slide, its friction force is k_t du, its pressure sways by k_n du_z."""
+    """By eq. (1.3): a pair with p = 0 does not slide, its friction force is k_t du, its pressure varies by k_n du_z."""
     results = read_results(path)
     level, joint = results.levels[1], results.joint
     at = 30
@@ -123,13 +123,13 @@ def test_forces_and_slip_of_a_cycle_are_those_of_the_law(path):
     du = synthesise(level.du[at], 128)
     np.testing.assert_allclose(cycle.friction_force[~moves], (joint.k_t[:, None, None] * du[:, :2])[~moves])
     np.testing.assert_allclose(cycle.normal_force, np.maximum(joint.N0[:, None] - joint.k_n[:, None] * du[:, 2], 0.0), rtol=1e-12)
-    # p = -1 N cos theta along x: a slider that swings by 1 N / k_t
+    # p = -1 N cos theta along x: a slider with an amplitude of 1 N / k_t
     np.testing.assert_allclose(cycle.slip_amplitude[moves], 1.0 / joint.k_t[moves])
     values = joint_values(joint, level, at)
     assert values["pressure_min_Pa"] == pytest.approx(cycle.normal_force.min(axis=1) / joint.area)
 
 
-def test_pairs_without_faces_are_points_and_those_without_places_are_none():
+def test_pairs_without_faces_are_points_and_pairs_without_positions_are_omitted():
     from microslip.results.record import joint_of
 
     places = np.array([[0.0, 0, 0], [1.0, 0, 0], [np.nan, np.nan, np.nan]])
@@ -140,8 +140,8 @@ def test_pairs_without_faces_are_points_and_those_without_places_are_none():
 # -- UNV, MATLAB ----------------------------------------------------------------------------------------------------------
 
 
-def test_nodes_of_quadratic_elements_stand_in_turn():
-    """In UNV a middle stands between the two corners of its side, around the bottom and around the top."""
+def test_mid_side_nodes_of_quadratic_elements_alternate_with_corners():
+    """In UNV a mid-side node is between the two corners of its side, around the bottom and around the top."""
     from microslip.elements import KINDS
 
     assert ELEMENTS.keys() == KINDS.keys()
@@ -202,7 +202,7 @@ def test_pyuff_reads_the_universal_file(path, tmp_path):
     assert shape["freq"] == pytest.approx(312.5) and shape["r2"] == pytest.approx(fields().shapes[1][:, 1], rel=1e-5)
 
 
-def test_matlab_file_has_everything(path, tmp_path):
+def test_matlab_file_has_all_results(path, tmp_path):
     (file,) = convert(path, tmp_path, ["mat"])
     content, results = loadmat(file, simplify_cells=True), read_results(path)
     level = content["levels"][1]
@@ -219,10 +219,10 @@ def test_matlab_file_has_everything(path, tmp_path):
 def test_unknown_formats_and_results_with_nothing_to_show_are_status_2(path, tmp_path):
     with pytest.raises(CaseError, match="unknown format 'unf'; nearest is unv; formats are vtkhdf, unv, mat and scene"):
         convert(path, tmp_path, ["mat", "unf"])
-    bare = write(tmp_path / "bare", [branch(1.0, no_pairs())], no_pairs())
+    without_pairs = write(tmp_path / "bare", [branch(1.0, no_pairs())], no_pairs())
     with pytest.raises(CaseError, match="nothing to show in space"):
-        convert(bare, tmp_path, ["vtkhdf"])
-    unv, mat = convert(bare, tmp_path, ())
+        convert(without_pairs, tmp_path, ["vtkhdf"])
+    unv, mat = convert(without_pairs, tmp_path, ())
     assert [number for number, _ in data_sets(unv)] == [164, 58] and mat.name == "results.mat"
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(CaseError, match="taken"):

@@ -1,4 +1,4 @@
-"""The closure of the energy balance."""
+"""The error of the energy balance."""
 
 import dataclasses
 
@@ -10,20 +10,20 @@ from microslip.points.branch import Branch
 from microslip.results.audit import audit_text, closure, energy_closure
 
 
-def test_closure_is_the_gap_over_the_input():
+def test_closure_is_the_imbalance_relative_to_the_input():
     assert closure(np.array([2.0]), np.array([1.5]), np.array([0.3])) == pytest.approx([0.1])
 
 
-def test_no_energy_at_all_closes():
+def test_zero_energy_is_balanced():
     assert closure(np.zeros(2), np.zeros(2), np.zeros(2)).tolist() == [0.0, 0.0]
 
 
-def test_rounding_without_any_loss_is_not_taken_for_an_input():
-    # undamped and stuck: the load does no work but rounding, of the size of 1e-16 F a
+def test_rounding_without_loss_is_no_input():
+    # undamped and stuck: the work of the load is rounding, of the size of 1e-16 F a
     assert closure(np.array([1e-17]), np.zeros(1), np.zeros(1), np.array([1.0]))[0] < 1e-6
 
 
-def test_closure_of_a_branch_finds_the_point_that_does_not_close():
+def test_closure_of_a_branch_detects_an_unbalanced_point():
     curve = branch(5.0, two_flanks(), n_points=9)
     assert energy_closure(curve).max() < 2e-9
     curve.points[4] = dataclasses.replace(curve.points[4], input=1.01 * curve.points[4].input)

@@ -1,9 +1,9 @@
-"""Fields and words of a run in results.h5: read as they were kept, and nothing believed of a file that was edited."""
+"""Fields and notes of a run in results.h5: read as stored; edited files are checked."""
 
 import h5py
 import numpy as np
 import pytest
-from kept_results import MESH, fields, kept
+from full_results import MESH, fields, write_full_results
 from synthetic_results import branch, two_flanks, write
 
 from microslip.messages.errors import CaseError
@@ -11,8 +11,8 @@ from microslip.results.fields import read_fields, read_run, store_fields
 from microslip.results.read import read_results
 
 
-def test_fields_are_read_as_they_were_kept(tmp_path):
-    path, wanted = kept(tmp_path), fields()
+def test_fields_are_read_as_stored(tmp_path):
+    path, wanted = write_full_results(tmp_path), fields()
     computed = read_fields(path)
     assert np.array_equal(computed.mesh.points, MESH.points) and np.array_equal(computed.mesh.numbers, MESH.numbers)
     for own, other in zip(computed.mesh.elements, MESH.elements, strict=True):
@@ -48,8 +48,8 @@ def test_results_without_fields_have_none(tmp_path):
         ("outputs/node", np.zeros(9, dtype=int), "not numbers"),
     ],
 )
-def test_what_does_not_fit_is_status_2(tmp_path, name, values, words):
-    path = kept(tmp_path)
+def test_inconsistent_fields_are_rejected(tmp_path, name, values, words):
+    path = write_full_results(tmp_path)
     with h5py.File(path, "r+") as file:
         if name == "mesh/points":
             values = np.full(file[name].shape, np.nan)
@@ -57,13 +57,13 @@ def test_what_does_not_fit_is_status_2(tmp_path, name, values, words):
             values = np.full((len(MESH.points), 3, values.shape[2]), values.flat[0])
         del file[name]
         file[name] = values
-    with pytest.raises(CaseError, match=words) as caught:
+    with pytest.raises(CaseError, match=words) as error:
         read_fields(path)
-    assert path in str(caught.value)
+    assert path in str(error.value)
 
 
-def test_links_to_other_files_and_unknown_elements_are_refused(tmp_path):
-    path = kept(tmp_path)
+def test_links_to_other_files_and_unknown_elements_are_rejected(tmp_path):
+    path = write_full_results(tmp_path)
     with h5py.File(path, "r+") as file:
         del file["mesh/elements/0001/kind"]
         file["mesh/elements/0001/kind"] = "hex27"

@@ -1,4 +1,4 @@
-"""Amplitude, phase and counts against their definitions."""
+"""Amplitude, phase and counts compared with their definitions."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from microslip.fourier.coefficients import amplitude, phase
 from microslip.results.measures import counts, peak
 
 
-def test_amplitude_and_phase_give_back_the_motion():
+def test_amplitude_and_phase_reproduce_the_motion():
     rng = np.random.default_rng(1)
     coefficients = rng.normal(size=(20, 7))
     tau = np.linspace(0.0, 2.0 * np.pi, 50)
@@ -27,7 +27,7 @@ def test_no_motion_has_phase_zero():
     assert phase(np.zeros(3)) == 0.0 and not np.signbit(phase(np.zeros(3)))
 
 
-def test_counts_of_no_pairs_and_of_some():
+def test_counts_of_states():
     assert counts(np.array([[0, 1, 1, 2], [0, 0, 0, 0]], dtype=np.uint8)).tolist() == [[1, 2, 1], [4, 0, 0]]
     assert counts(np.zeros((3, 0), dtype=np.uint8)).tolist() == [[0, 0, 0]] * 3
 

@@ -1,4 +1,4 @@
-"""The pictures of a run are shared among its ranks."""
+"""The pictures of a run are distributed over its ranks."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from microslip.results import plots
 from microslip.results.draw import draw, fonts_in_memory
 
 COMM = MPI.COMM_WORLD
-DRAWN = ("response", "states", "slip_map", "rom_size", "energy", "energy_map")  # of results without error bars and statics
+DRAWN = ("response", "states", "slip_map", "rom_size", "energy", "energy_map")  # without error bars and statics
 pytestmark = pytest.mark.ranks(1, 2, 3)
 
 
@@ -28,7 +28,7 @@ def test_every_picture_is_drawn_once_and_rank_0_writes_first(shared_path, monkey
     assert sorted(sum(COMM.allgather(done), [])) == sorted([*DRAWN, "written"])
 
 
-def test_what_a_rank_meets_is_raised_on_every_rank(shared_path):
+def test_an_error_of_one_rank_is_raised_on_every_rank(shared_path):
     with pytest.raises(CaseError, match=r"results\.h5"):
         draw(COMM, shared_path / "nowhere")
 

@@ -1,4 +1,4 @@
-"""The writer on any number of ranks: rank 0 writes, every rank hears of a problem, all go on together."""
+"""The writer on any number of ranks: rank 0 writes, and every rank raises its errors."""
 
 import os
 
@@ -12,7 +12,7 @@ from microslip.results.read import read_results
 COMM = MPI.COMM_WORLD
 
 
-def test_one_file_comes_out_of_all_ranks(tmp_path):
+def test_all_ranks_write_one_file(tmp_path):
     folder = COMM.bcast(str(tmp_path / "run"))
     pairs = two_flanks(3, 1)
     writer = writer_of(folder, pairs, comm=COMM)

@@ -1,4 +1,4 @@
-"""Where results come from: kept with them, shown, and made a scene again that reads the same files."""
+"""The origin of results: stored with them, shown, and restored as a scene that reads the same files."""
 
 import tomllib
 from dataclasses import replace
@@ -29,8 +29,8 @@ parameters = '../meshes/values.csv'
 
 
 @pytest.fixture
-def kept(tmp_path) -> ResultFile:
-    """Results of a scene in jobs/ that reads two files in meshes/, in results/."""
+def stored_results(tmp_path) -> ResultFile:
+    """Return results of a scene in jobs/ that reads two files in meshes/, in results/."""
     for folder in ("jobs", "meshes", "results"):
         (tmp_path / folder).mkdir()
     (tmp_path / "meshes" / "wing.msh").write_text("a mesh")
@@ -53,30 +53,30 @@ def kept(tmp_path) -> ResultFile:
     return read_results(str(tmp_path / "results" / "results.h5"))
 
 
-def test_written_files_are_read(kept, tmp_path):
-    assert kept.n_dof == 9693 and kept.origin is not None
-    assert kept.origin.n_ranks == 3 and kept.origin.settings == ('title="<b>"',)
-    assert kept.origin.inputs[0].size == 6 and kept.origin.inputs[1].key == "values"
-    assert kept.origin.environment == {"OMP_NUM_THREADS": "1"}
+def test_the_origin_is_stored_and_read(stored_results, tmp_path):
+    assert stored_results.n_dof == 9693 and stored_results.origin is not None
+    assert stored_results.origin.n_ranks == 3 and stored_results.origin.settings == ('title="<b>"',)
+    assert stored_results.origin.inputs[0].size == 6 and stored_results.origin.inputs[1].key == "values"
+    assert stored_results.origin.environment == {"OMP_NUM_THREADS": "1"}
 
 
-def test_older_files_say_nothing_of_it(tmp_path):
+def test_older_files_have_no_origin(tmp_path):
     results = read_results(write(tmp_path, [branch(1.0, two_flanks(4, 1), n_points=3)], two_flanks(4, 1)))
     assert results.origin is None and results.n_dof == 0 and origin_table(results) == ""
 
 
-def test_the_report_shows_hashes_and_escapes(kept):
-    html = origin_table(kept)
+def test_the_report_shows_hashes_and_escapes(stored_results):
+    html = origin_table(stored_results)
     assert (
-        kept.origin.inputs[0].sha256 in html
+        stored_results.origin.inputs[0].sha256 in html
         and "&lt;b&gt;" in html
         and "<b>" not in html
         and "3 in 2 groups, on one, two" in html
     )
 
 
-def test_the_scene_comes_back_with_its_comments_and_finds_its_files(kept, tmp_path):
-    (path,) = convert(kept.path, tmp_path / "elsewhere" / "deep", ["scene"])
+def test_the_restored_scene_has_its_comments_and_files(stored_results, tmp_path):
+    (path,) = convert(stored_results.path, tmp_path / "elsewhere" / "deep", ["scene"])
     text = path.read_text()
     tables = tomllib.loads(text)
     assert path.name == "wing.toml" and "# of the wing" in text and "# in mm" in text
@@ -84,37 +84,37 @@ def test_the_scene_comes_back_with_its_comments_and_finds_its_files(kept, tmp_pa
         assert (path.parent / stated).resolve() == (tmp_path / "meshes" / name).resolve()
     assert tables["title"] == "../meshes/wing.msh, twice"
     assert "3 ranks in 2 groups: microslip run wing.toml" in text and "PETSc options: -- -hb_snes_max_it 30" in text
-    assert convert(kept.path, path.parent, ["scene"]) == [path]  # the same once more is no conflict
+    assert convert(stored_results.path, path.parent, ["scene"]) == [path]  # the same once more is no conflict
 
 
-def test_it_says_which_files_have_changed(kept, tmp_path):
+def test_changed_input_files_are_reported(stored_results, tmp_path):
     (tmp_path / "meshes" / "wing.msh").write_text("b mesh")
     (tmp_path / "meshes" / "values.csv").unlink()
-    (path,) = convert(kept.path, tmp_path / "again", ["scene"])
+    (path,) = convert(stored_results.path, tmp_path / "again", ["scene"])
     mesh, values = (next(line for line in path.read_text().splitlines() if key in line) for key in ("[model] mesh", "# values"))
     assert mesh.endswith("changed since") and values.endswith("not there any more")
 
 
-def test_a_scene_of_the_user_is_not_overwritten(kept, tmp_path):
+def test_a_scene_of_the_user_is_not_overwritten(stored_results, tmp_path):
     (tmp_path / "results" / "wing.toml").write_text("mine")
     with pytest.raises(CaseError, match="there is a file of this name already"):
-        convert(kept.path, tmp_path / "results", ["scene"])
+        convert(stored_results.path, tmp_path / "results", ["scene"])
     assert (tmp_path / "results" / "wing.toml").read_text() == "mine"
 
 
 @pytest.mark.parametrize("text", ["no = [toml", 'x = """\n../meshes/wing.msh"""\nmesh = "../meshes/wing.msh"\n'])
-def test_a_text_that_cannot_be_exchanged_comes_back_as_it_was(kept, tmp_path, text):
+def test_a_text_that_cannot_be_changed_is_restored_unchanged(stored_results, tmp_path, text):
     from microslip.results.scene_back import relocated
 
-    assert relocated(replace(kept, scene_text=text), tmp_path) == text
+    assert relocated(replace(stored_results, scene_text=text), tmp_path) == text
 
 
-def test_a_matrix_in_a_file_keeps_its_name(kept, tmp_path):
+def test_the_name_of_a_matrix_in_a_file_is_preserved(stored_results, tmp_path):
     from microslip.results.scene_back import relocated
 
     path = str(tmp_path / "jobs" / "k.mat")
-    origin = replace(kept.origin, inputs=(InputFile("[model] stiffness", path, 1, ""),))
-    changed = relocated(replace(kept, origin=origin, scene_text='[model]\nstiffness = "k.mat:K"\n'), tmp_path)
+    origin = replace(stored_results.origin, inputs=(InputFile("[model] stiffness", path, 1, ""),))
+    changed = relocated(replace(stored_results, origin=origin, scene_text='[model]\nstiffness = "k.mat:K"\n'), tmp_path)
     assert changed == '[model]\nstiffness = "jobs/k.mat:K"\n'
 
 
@@ -136,7 +136,7 @@ def test_the_commit_is_that_of_the_clone(tmp_path):
     assert commit(package) == ""
 
 
-def test_the_hash_tells_edited_copies_apart(tmp_path):
+def test_the_hash_distinguishes_edited_copies(tmp_path):
     (tmp_path / "a.py").write_text("x = 1\n")
     first = program_hash.__wrapped__(tmp_path)
     (tmp_path / "a.py").write_text("x = 2\n")

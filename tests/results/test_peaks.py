@@ -1,4 +1,4 @@
-"""Peaks that were solved for: through the files, in the curves, over the level, in the report."""
+"""Solved peaks: in files, in curves, over the level, in the report."""
 
 from dataclasses import fields, replace
 
@@ -29,7 +29,7 @@ OUTPUTS = ("tip", "root")
 
 
 def peak(level, output=0, mode=0):
-    """Return a peak of one of two resonances 20 % apart: softer and more damped with the level."""
+    """Return a peak of one of two resonances 20 % apart: softer and more damped at higher levels."""
     omega = 2.0 * np.pi * (99.0 + 20.0 * mode - 0.1 * level)
     width = np.nan if mode and level > 5.0 else 2e-3 * omega * (1.0 + level)
     return Peak(output, omega, level * 1e-3 * np.exp(-0.4j) / (1 + output + mode), width, 1e-6 * omega * mode, int(level), 4)
@@ -37,7 +37,7 @@ def peak(level, output=0, mode=0):
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    """The second resonance appears at the second level; the root has one peak a level."""
+    """Return results whose second resonance begins at the second level; the root has one peak per level."""
     curves = [branch(level, two_flanks(5, 1), n_outputs=2) for level in LEVELS]
     for one in curves:
         one.peaks = [peak(one.level), peak(one.level, 1)] + ([peak(one.level, mode=1)] if one.level > 2.0 else [])
@@ -67,7 +67,7 @@ def test_labels_of_near_peaks_do_not_cover_each_other(path):
     assert page.figure.axes[0].texts
 
 
-def test_large_multipliers_leave_the_unit_circle_readable(path):
+def test_large_multipliers_do_not_compress_the_unit_circle(path):
     results = read_results(path, motion=False)
     for level in results.levels:
         n = len(level.frequency)
@@ -81,7 +81,7 @@ def test_large_multipliers_leave_the_unit_circle_readable(path):
     assert page.figure.legends[0].get_texts()[-1].get_text() == "of size above 2, up to 50"
 
 
-def test_what_is_written_is_read_and_goes_to_matlab(path, results, tmp_path):
+def test_peaks_are_written_read_and_converted_to_matlab(path, results, tmp_path):
     for level, written in zip(LEVELS, results.levels):
         for wanted, one in zip([peak(level), peak(level, 1), peak(level, mode=1)], written.peaks):
             assert one.by_pairs is None and one.by_common is None
@@ -93,7 +93,7 @@ def test_what_is_written_is_read_and_goes_to_matlab(path, results, tmp_path):
 
 
 @pytest.mark.parametrize("dataset, value", [("output", 2), ("frequency_Hz", -1.0), ("amplitude", np.inf)])
-def test_values_that_no_run_writes_are_refused(path, tmp_path, dataset, value):
+def test_invalid_peaks_are_rejected(path, tmp_path, dataset, value):
     copy = tmp_path / "results.h5"
     copy.write_bytes(open(path, "rb").read())
     with h5py.File(copy, "r+") as file:
@@ -109,7 +109,7 @@ def test_a_resonance_is_followed_from_level_to_level(results):
     assert [len(line) for line in resonances(results.levels, 1)] == [3] and resonances(results.levels, 2) == []
 
 
-def test_curves_show_their_peaks_with_frequency_amplitude_and_damping(results):
+def test_curves_have_their_peaks_with_frequency_amplitude_and_damping(results):
     figure = drawn(draw_response, results)["response.png"].figure
     left, right = figure.axes[:2]
     marks = [line for line in left.lines if line.get_marker() == "o"]
@@ -133,12 +133,12 @@ def test_peaks_over_the_level(results):
     assert list(amplitude.lines[0].get_xdata()) == list(LEVELS) and amplitude.lines[0].get_ydata() == pytest.approx(LEVELS)
     assert damping.lines[0].get_ydata() == pytest.approx([0.2, 0.4, 0.9]) and np.isnan(damping.lines[1].get_ydata()[-1])
     assert len(figure.axes) == 6
-    alone = results.of_output(1)
-    assert alone.levels[0].peaks == (peak(1.0),) or alone.levels[0].peaks[0].output == 0
-    assert len(drawn(draw_peaks, alone)["peaks.png"].figure.axes) == 3
+    of_root = results.of_output(1)
+    assert of_root.levels[0].peaks == (peak(1.0),) or of_root.levels[0].peaks[0].output == 0
+    assert len(drawn(draw_peaks, of_root)["peaks.png"].figure.axes) == 3
 
 
-def test_one_level_or_none_with_peaks_has_no_picture_over_the_level(tmp_path):
+def test_less_than_two_levels_with_peaks_have_no_picture_over_the_level(tmp_path):
     curves = [branch(level, two_flanks(5, 1)) for level in LEVELS]
     curves[1].peaks, curves[2].peaks = [peak(3.0)], []
     assert drawn(draw_peaks, read_results(write(tmp_path, curves, two_flanks(5, 1)))) == {}
@@ -155,12 +155,12 @@ def test_the_report_has_them_as_figures_and_table(results):
 
 
 @pytest.mark.parametrize("key", ["damping", "damping.ratio", "joints.root.normal_stiffness", "joints.root.tangential_stiffness"])
-def test_numbers_of_the_stuck_structure_have_no_line_of_it(key):
+def test_parameters_of_the_stuck_structure_have_no_linear_line(key):
     assert not has_linear(key) and has_linear("level") and has_linear("joints.damping.friction")
 
 
 @given(st.floats(97.0, 103.0), st.floats(0.005, 0.1), st.integers(2, 7), st.integers(9, 12))
-def test_the_top_of_one_resonance_is_met_between_its_points(natural, damping, before, last):
+def test_the_maximum_of_a_resonance_is_computed_between_its_points(natural, damping, before, last):
     """1 / amplitude^2 of one mass is a quadratic in the square of the frequency: three coarse points give the maximum."""
     spacing = 0.2 * damping * natural
     omega = natural + spacing * (np.arange(last) - before + 0.3)
@@ -171,7 +171,7 @@ def test_the_top_of_one_resonance_is_met_between_its_points(natural, damping, be
         np.testing.assert_allclose(computed, (at, top), rtol=1e-9)
 
 
-def test_the_top_of_a_curve_is_its_highest_point_at_an_end_and_where_it_turns_back():
+def test_the_maximum_of_a_curve_at_an_end_or_a_fold_is_its_highest_point():
     assert top_of_curve(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0])) == (3.0, 3.0)
     assert top_of_curve(np.array([1.0, 2.0, 1.9]), np.array([1.0, 2.0, 1.5])) == (2.0, 2.0)
     assert top_of_curve(np.array([1.0, 2.0, 3.0]), np.array([0.0, 2.0, 0.0])) == (2.0, 2.0)

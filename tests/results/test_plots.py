@@ -1,4 +1,4 @@
-"""Pictures: drawn for every kind of result, whole, with what they claim in them."""
+"""Pictures: drawn for every kind of result, complete, with correct contents."""
 
 import dataclasses
 import itertools
@@ -32,7 +32,7 @@ def pairs():
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch):
-    """Render few pixels: the layout is that of the real pictures."""
+    """Render few pixels: the layout is that of the full pictures."""
     monkeypatch.setattr(style, "DPI", 60)
 
 
@@ -51,10 +51,10 @@ def drawn(tmp_path, branches, pairs, **options):
 
 @pytest.fixture
 def pages(monkeypatch):
-    """Keep the pages that would be saved instead of rendering them."""
-    kept = {}
-    monkeypatch.setattr(style.Page, "save", lambda page, path: kept.setdefault(os.path.basename(path), page) and path)
-    return kept
+    """Store the pages instead of rendering and saving them."""
+    saved = {}
+    monkeypatch.setattr(style.Page, "save", lambda page, path: saved.setdefault(os.path.basename(path), page) and path)
+    return saved
 
 
 def drawn_files(files):
@@ -72,8 +72,8 @@ def texts(page):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_all_pictures_of_levels_that_went_well_and_others(tmp_path, pairs):
-    """Beside whole ones: an unloaded level, one that broke off, one without any point, one with a single point."""
+def test_all_pictures_of_complete_and_incomplete_levels(tmp_path, pairs):
+    """Complete levels, an unloaded level, one that ended early, one without any point, one with a single point."""
     stopped, empty, single = branch(5.0, pairs), branch(6.0, pairs), branch(8.0, pairs, n_points=1)
     stopped.points[20:], empty.points[:] = [], []
     stopped.failure = empty.failure = "hb: no convergence"
@@ -87,13 +87,13 @@ def test_a_linear_scene_has_no_pictures_of_a_joint(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_pairs_without_positions_titles_with_formulas(tmp_path):
+def test_pictures_of_pairs_without_positions_and_titles_with_formulas(tmp_path):
     nowhere = pairs_of(np.full((7, 3), np.nan), np.tile(np.eye(3), (7, 1, 1)), np.ones(7), ("a",) * 7, ())
     title = "$\\frac{$ x_1^2 \n\u4e2d " + 40 * "many words "
     assert drawn(tmp_path, [branch(8.0, nowhere)], nowhere, title=title, linear=False) == ALL
 
 
-def test_nothing_converged_nothing_drawn(tmp_path, pairs):
+def test_without_points_nothing_is_drawn(tmp_path, pairs):
     assert drawn(tmp_path, [], pairs) == set()
 
 
@@ -110,7 +110,7 @@ def test_a_folder_that_cannot_be_written_to_is_status_2(tmp_path, pairs):
         draw_all(path, str(tmp_path / "taken"))
 
 
-def test_pictures_do_without_the_large_arrays(tmp_path, pairs, pages):
+def test_pictures_do_not_read_the_large_arrays(tmp_path, pairs, pages):
     path = write(tmp_path, [branch(8.0, pairs)], pairs)
     with h5py.File(path, "r+") as file:
         del file["levels/0000/du"], file["levels/0000/p"]
@@ -118,7 +118,7 @@ def test_pictures_do_without_the_large_arrays(tmp_path, pairs, pages):
 
 
 @pytest.mark.parametrize("bound", [1e-6, 3e-3])
-def test_energy_draws_the_bound_of_the_balance_that_the_run_goes_by(tmp_path, pairs, pages, bound):
+def test_energy_shows_the_bound_of_the_balance_of_the_run(tmp_path, pairs, pages, bound):
     curve = branch(8.0, pairs)
     curve.closes_to = bound
     draw_only(curve_plots.draw_energy, write(tmp_path, [curve], pairs))
@@ -168,7 +168,7 @@ def with_errors(computed, parts):
 
 
 def at_rest(level, pairs, displacement):
-    """Return one point of statics: every output displaced, nothing oscillates."""
+    """Return one point of statics: every output is displaced, without vibration."""
     curve = branch(level, pairs, n_points=1)
     response = np.zeros_like(curve.points[0].response)
     response[:, 0] = displacement
@@ -201,7 +201,7 @@ def test_axis_of_the_response_includes_error_bars_of_up_to_half_the_peak(tmp_pat
 
 
 @pytest.mark.filterwarnings("error")
-def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs, pages):
+def test_error_shows_only_significant_parts(tmp_path, pairs, pages):
     some, none = (
         with_errors(branch(3.0, pairs), (1e-3, 1e-2, 0.0, 0.0, 1e-11, 0.0)),
         with_errors(branch(1.0, pairs), (0.0, 0, 0, 0, 1e-14, 0)),
@@ -219,12 +219,12 @@ def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs,
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_error_of_zero_everywhere_is_said(tmp_path, pairs):
+def test_error_of_zero_everywhere_is_stated(tmp_path, pairs):
     assert "error.png" in drawn(tmp_path, [with_errors(branch(1.0, pairs), np.zeros(6))], pairs)
 
 
 @pytest.mark.slow
-def test_many_outputs_and_levels_go_on_several_pages(tmp_path, pairs, pages):
+def test_many_outputs_and_levels_have_several_pages(tmp_path, pairs, pages):
     curves = [branch(level, pairs, n_outputs=7, n_points=9) for level in np.arange(1.0, 16.0)]
     path = write(tmp_path, curves, pairs, outputs=[f"u{i}" for i in range(7)])
     assert len(draw_only(curve_plots.draw_response, path)) == 2
@@ -233,7 +233,7 @@ def test_many_outputs_and_levels_go_on_several_pages(tmp_path, pairs, pages):
     assert any("12 of 15 levels" in text for text in texts(pages["states.png"]))
 
 
-def test_states_add_up_to_all_pairs(tmp_path, pairs, pages):
+def test_states_sum_to_all_pairs(tmp_path, pairs, pages):
     draw_only(curve_plots.draw_states, write(tmp_path, [branch(8.0, pairs)], pairs))
     (ax,) = pages["states.png"].figure.axes
     curves = [line.get_ydata() for line in ax.lines if len(line.get_xdata()) > 2]
@@ -263,7 +263,7 @@ def test_slip_map_colours_each_pair_by_its_state_at_the_peak(tmp_path, pairs, pa
     assert any(f"{n_slip} slip, {n_open} open" in text for text in texts(pages["slip_map.png"]))
 
 
-def test_energy_map_takes_rounding_of_a_stuck_pair_for_no_loss(tmp_path, pairs, pages):
+def test_energy_map_ignores_rounding_of_stuck_pairs(tmp_path, pairs, pages):
     curve = branch(0.5, pairs)
     curve.points[:] = [dataclasses.replace(point, energy=point.energy + 1e-20) for point in curve.points]
     draw_only(joint_plots.draw_energy_map, write(tmp_path, [curve], pairs))
@@ -276,8 +276,8 @@ def test_energy_of_pairs_without_areas_is_that_of_each_pair(tmp_path, pages):
     assert "friction loss per cycle [J]" in texts(pages["energy_map.png"])
 
 
-def test_a_scale_of_one_power_of_ten_has_more_than_one_number(pages):
-    """Below two powers of ten the scale may have a single one; multiples of it are then labelled."""
+def test_a_scale_of_one_power_of_ten_has_several_labels(pages):
+    """Below two powers of ten the scale may have a single label; multiples of it are then labelled."""
     page = style.Page(SimpleNamespace(title="title"), "heading", 7.0, 2.0)
     joint_plots._colour_bar(page, matplotlib.colormaps["inferno_r"], LogNorm(2e-4, 3e-3), "loss")
     (bar,) = page.figure.axes

@@ -1,4 +1,4 @@
-"""A quantity of a point is declared once: what follows from that, and that the guide's tables do."""
+"""A quantity of a point is declared once: arrays, cells and the tables of the guide follow from it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +18,8 @@ GUIDE = Path(__file__).parents[2] / "docs" / "guide.md"
 
 
 @dataclass(frozen=True)
-class Kept:
-    """A point with a number, a field of outputs and one that may be missing."""
+class SamplePoint:
+    """A point with a number, a field of outputs and an optional field."""
 
     size: Annotated[float, number("size_m", "m", "a length", digits=3)]
     motion: Annotated[
@@ -28,18 +28,21 @@ class Kept:
     bars: Annotated[np.ndarray | None, Quantity("bars_m", "outputs", "m", "bars", columns=(Column("bar_m", ""),))] = None
 
 
-SIZE, MOTION, BARS = declared(Kept)
+SIZE, MOTION, BARS = declared(SamplePoint)
 LENGTHS = axis_lengths(2, 0, 5)
-POINTS = [Kept(0.12345, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), np.array([7.0, 8.0])), Kept(1.0, np.ones((2, 5)))]
+POINTS = [
+    SamplePoint(0.12345, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), np.array([7.0, 8.0])),
+    SamplePoint(1.0, np.ones((2, 5))),
+]
 
 
-def test_a_field_becomes_an_array_of_its_axes_with_zeros_for_harmonics_that_a_point_lacks():
+def test_a_field_is_an_array_with_zeros_for_missing_harmonics():
     assert SIZE.name == "size" and SIZE.array(POINTS, LENGTHS) == pytest.approx([0.12345, 1.0])
     assert MOTION.array(POINTS, LENGTHS)[0].tolist() == [[1, 2, 3, 0, 0], [4, 5, 6, 0, 0]]
     assert MOTION.array([], LENGTHS).shape == (0, 2, 5)
 
 
-def test_what_a_point_lacks_is_none_and_an_empty_cell():
+def test_a_missing_field_is_none_and_an_empty_cell():
     assert BARS.optional and not MOTION.optional
     assert BARS.array(POINTS, LENGTHS) is None is BARS.array([], LENGTHS)
     assert BARS.array(POINTS[:1], LENGTHS).tolist() == [[7.0, 8.0]]
@@ -54,9 +57,11 @@ def test_a_level_has_every_quantity_by_name_and_nothing_else(tmp_path):
     pairs = two_flanks(2, 1)
     (level,) = read_results(write(tmp_path, [branch(5.0, pairs, n_points=3)], pairs)).levels
     lengths = axis_lengths(1, pairs.n_pairs, 7)
-    assert {kept.name for kept in QUANTITIES} == set(level.arrays) >= {"frequency", "response", "du", "p", "error", "notes"}
-    for kept in QUANTITIES:
-        assert kept.optional or getattr(level, kept.name).shape == (3, *kept.shape(lengths)), kept.name
+    assert (
+        {quantity.name for quantity in QUANTITIES} == set(level.arrays) >= {"frequency", "response", "du", "p", "error", "notes"}
+    )
+    for quantity in QUANTITIES:
+        assert quantity.optional or getattr(level, quantity.name).shape == (3, *quantity.shape(lengths)), quantity.name
     with pytest.raises(AttributeError, match="no 'velocity'"):
         _ = level.velocity
 

@@ -1,4 +1,4 @@
-"""report.html: whole, with the numbers of the results, and with nothing of a user's text that a browser would run."""
+"""report.html: complete, with the data of the results, and without executable text of a user."""
 
 import json
 import re
@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from kept_results import MESH, TITLE, fields, kept
+from full_results import MESH, TITLE, fields, write_full_results
 from synthetic_results import branch, no_pairs, pairs_of, two_flanks, write
 
 from microslip.messages.errors import CaseError
@@ -27,7 +27,7 @@ EMPTY = {"meta", "br", "input"}
 
 
 class Page(HTMLParser):
-    """Tags that are opened and closed in turn, texts, scripts."""
+    """Tags with their nesting, texts, scripts."""
 
     def __init__(self, text):
         super().__init__()
@@ -60,11 +60,11 @@ def data_of(parsed):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    path = kept(tmp_path_factory.mktemp("kept"), title=TITLE)
+    path = write_full_results(tmp_path_factory.mktemp("kept"), title=TITLE)
     return path, page_from(path)
 
 
-def test_page_is_whole_and_asks_no_other_machine(whole):
+def test_the_page_is_complete_and_loads_nothing(whole):
     parsed = Page(whole[1])
     assert parsed.open == [] and len(parsed.scripts) == 3
     assert not any({"src", "href"} & attrs.keys() and not attrs.get("href", "").startswith("#") for _, attrs in parsed.tags)
@@ -74,7 +74,7 @@ def test_page_is_whole_and_asks_no_other_machine(whole):
     assert links == [attrs["id"] for tag, attrs in parsed.tags if tag == "section"] and "motion" in links
 
 
-def test_no_button_sends_the_chart_anywhere(whole):
+def test_no_button_uploads_the_chart(whole):
     """Plotly 7 has one that uploads it."""
     library = pytest.importorskip("plotly.offline").get_plotlyjs()
     removed = re.search(r"const removed = \[(.*)\]", whole[1])[1]
@@ -93,8 +93,8 @@ def test_texts_of_the_user_are_texts(whole):
     assert data_of(parsed)["view"]["bodies"][0]["name"] == "lower &lt;b&gt;"  # plotly reads tags in names
 
 
-def test_scripts_find_their_places(whole):
-    """Every element that the page's script asks for by name is there, and every figure has data."""
+def test_scripts_have_their_elements(whole):
+    """Every element requested by the page's script exists, and every figure has data."""
     parsed = Page(whole[1])
     named = {attrs["id"] for _, attrs in parsed.tags if "id" in attrs}
     asked = set(re.findall(r'at\("([\w-]+)"\)', parsed.scripts[2])) | {"data"}
@@ -128,7 +128,9 @@ def test_motion_on_the_page_is_that_of_the_fields(whole):
     u = np.frombuffer(base64.b64decode(shown["u"]), "<i2").reshape(7, 3, view["n"]) * shown["scale"]
     points = np.frombuffer(base64.b64decode(view["points"]), "<f4").reshape(-1, 3)
     where = [int(np.argmin(np.linalg.norm(MESH.points - point, axis=1))) for point in points]
-    same = [i for i, node in enumerate(where) if (MESH.points == MESH.points[node]).all(axis=1).sum() == 1]  # of one body alone
+    same = [
+        i for i, node in enumerate(where) if (MESH.points == MESH.points[node]).all(axis=1).sum() == 1
+    ]  # nodes of one body only
     assert len(same) > 10
     np.testing.assert_allclose(
         u[:, :, same], np.moveaxis(fields().peaks[1].u, (2, 1), (0, 1))[:, :, np.array(where)[same]], atol=1e-3
@@ -137,7 +139,7 @@ def test_motion_on_the_page_is_that_of_the_fields(whole):
     assert [one["kind"] for one in view["shown"]] == ["level", "level", "mode", "mode", "rest"]
 
 
-def test_checks_say_what_failed_what_does_not_balance_and_what_is_not_known_well(tmp_path):
+def test_checks_report_failures_imbalance_and_large_error_bars(tmp_path):
     pairs = two_flanks(2, 1)
     good, bad, short = branch(1.0, pairs), branch(8.0, pairs), branch(5.0, pairs, n_points=9)
     short.failure = "hb: no convergence <here>"
@@ -153,7 +155,7 @@ def test_checks_say_what_failed_what_does_not_balance_and_what_is_not_known_well
 
 
 @pytest.mark.parametrize("kind", ["linear", "places", "nothing", "unloaded", "one point"])
-def test_pages_of_less(tmp_path, kind):
+def test_pages_of_partial_results(tmp_path, kind):
     pairs = {"linear": no_pairs()}.get(
         kind, pairs_of(np.full((7, 3), np.nan), np.tile(np.eye(3), (7, 1, 1)), np.ones(7), ("a",) * 7, ())
     )
@@ -184,7 +186,7 @@ def test_without_plotly_there_is_one_message(monkeypatch, tmp_path):
         write_report("none.h5", tmp_path)
 
 
-def test_report_is_written_where_it_is_asked_for(monkeypatch, tmp_path, whole):
+def test_report_is_written_to_the_requested_folder(monkeypatch, tmp_path, whole):
     monkeypatch.setattr(page, "plotly_js", lambda: "/* the library */")
     assert write_report(whole[0], tmp_path / "out") == str(tmp_path / "out" / "report.html")
     assert (tmp_path / "out" / "report.html").read_text(encoding="utf-8") == whole[1]
@@ -197,8 +199,8 @@ def test_report_needs_no_petsc():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_peaks_over_a_number_have_their_curves(whole):
-    """One place for each quantity, with the numbers of the results; the reason of an early end as text."""
+def test_peaks_over_a_parameter_have_their_curves(whole):
+    """One place for each quantity, with the data of the results; the reason of an early end as text."""
     results = read_results(whole[0])
     level = replace(results.levels[0], level=7.0, failure="Newton's method <failed>")
     n = len(level.frequency)

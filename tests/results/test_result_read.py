@@ -1,4 +1,4 @@
-"""Result files that are damaged, foreign or malicious: one CaseError each, nothing outside the file opened."""
+"""Result files that are damaged, foreign or malicious: one CaseError each, and no other file is opened."""
 
 import h5py
 import numpy as np
@@ -16,7 +16,7 @@ def path(tmp_path):
 
 
 def replace(path, name, make):
-    """Replace a dataset by what ``make(group, name)`` puts there."""
+    """Replace a dataset by the result of ``make(group, name)``."""
     with h5py.File(path, "r+") as file:
         group, _, last = name.rpartition("/")
         if name in file:
@@ -25,9 +25,9 @@ def replace(path, name, make):
 
 
 def refused(path, *words):
-    with pytest.raises(CaseError) as caught:
+    with pytest.raises(CaseError) as error:
         read_results(path)
-    text = str(caught.value)
+    text = str(error.value)
     assert path in text and all(word in text for word in words), text
     assert "\n" not in text
 
@@ -71,32 +71,32 @@ def test_other_kinds_of_files(path, tmp_path):
     refused(path, "a newer version", "format 99")
 
 
-def test_links_to_other_files_are_refused(path, tmp_path):
+def test_links_to_other_files_are_rejected(path, tmp_path):
     with h5py.File(tmp_path / "secret.h5", "w") as file:
         file["x"] = np.ones(5)
     replace(path, "levels/0000/seconds", lambda group, name: group.__setitem__(name, h5py.ExternalLink("../secret.h5", "/x")))
     refused(path, "seconds", "link")
 
 
-def test_external_groups_are_refused(path, tmp_path):
+def test_external_groups_are_rejected(path, tmp_path):
     replace(path, "joint", lambda group, name: group.__setitem__(name, h5py.ExternalLink("../secret.h5", "/")))
     refused(path, "joint", "link")
 
 
-def test_soft_links_are_refused(path):
+def test_soft_links_are_rejected(path):
     replace(path, "levels/0000/seconds", lambda group, name: group.__setitem__(name, h5py.SoftLink("/levels/0000/input_J")))
     refused(path, "seconds", "link")
 
 
 @pytest.mark.parametrize("link", [h5py.ExternalLink("../secret.h5", "/x"), h5py.SoftLink("/levels")])
-def test_links_that_nothing_asks_for_are_refused_too(path, link):
+def test_unused_links_are_rejected(path, link):
     with h5py.File(path, "r+") as file:
         file["levels/0000"].create_group("own/deeper")["more"] = link
-        file["levels/again"] = file["levels"]  # a circle
+        file["levels/again"] = file["levels"]  # a cycle
     refused(path, "'levels/0000/own/deeper/more' is a link")
 
 
-def test_external_storage_is_refused(path, tmp_path):
+def test_external_storage_is_rejected(path, tmp_path):
     np.ones(5).tofile(tmp_path / "raw")
     replace(
         path,
@@ -106,14 +106,14 @@ def test_external_storage_is_refused(path, tmp_path):
     refused(path, "seconds", "another file")
 
 
-def test_virtual_datasets_are_refused(path, tmp_path):
+def test_virtual_datasets_are_rejected(path, tmp_path):
     layout = h5py.VirtualLayout((5,), "f8")
     layout[:] = h5py.VirtualSource(str(tmp_path / "secret.h5"), "x", (5,))
     replace(path, "levels/0000/seconds", lambda group, name: group.create_virtual_dataset(name, layout))
     refused(path, "seconds", "another file")
 
 
-def test_a_dataset_that_claims_more_than_it_holds_is_refused(path):
+def test_a_dataset_with_a_false_size_is_rejected(path):
     replace(
         path,
         "levels/0000/response",
@@ -139,26 +139,26 @@ def test_wrong_shapes_and_types(path, name, values):
     refused(path)
 
 
-def test_not_a_number_is_refused(path):
+def test_nan_is_rejected(path):
     with h5py.File(path, "r+") as file:
         file["levels/0000/response"][2, 0, 1] = np.nan
     refused(path, "response", "not finite")
 
 
-def test_large_arrays_can_be_left_out(path):
+def test_large_arrays_can_be_omitted(path):
     assert read_results(path, motion=False).levels[0].du is None
     assert read_results(path).levels[0].du is not None
 
 
 @pytest.mark.parametrize(("name", "value"), [("state", 77), ("harmonics", 10**9), ("newton", -1), ("frequency_Hz", -3.0)])
-def test_values_that_no_run_writes(path, name, value):
+def test_invalid_values_are_rejected(path, name, value):
     with h5py.File(path, "r+") as file:
         file[f"levels/0000/{name}"][...] = value
     refused(path, name.removesuffix("_Hz"), "of 'levels/0000' cannot be")
 
 
 @pytest.mark.parametrize(("name", "value"), [("status", "banana"), ("level_N", np.nan)])
-def test_attributes_that_no_run_writes(path, name, value):
+def test_invalid_attributes_are_rejected(path, name, value):
     with h5py.File(path, "r+") as file:
         file["levels/0000"].attrs[name] = value
     refused(path, "its attributes of 'levels/0000' cannot be")

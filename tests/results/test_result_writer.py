@@ -1,4 +1,4 @@
-"""frf.csv and results.h5: what is written is what was found, when it was found."""
+"""frf.csv and results.h5: all results are written, as soon as they are computed."""
 
 import csv
 import dataclasses
@@ -36,7 +36,7 @@ def rows_of(folder):
         return list(csv.DictReader(file))
 
 
-def test_every_point_is_a_row_an_output_with_its_numbers(tmp_path, pairs):
+def test_every_point_has_a_row_per_output(tmp_path, pairs):
     curve = branch(5.0, pairs, n_outputs=2, n_points=5)
     write(tmp_path, [curve], pairs, outputs=("tip", "mid, at \u00bd"))
     assert (tmp_path / "frf.csv").read_text(encoding="utf-8").splitlines()[0] == HEADER
@@ -63,7 +63,7 @@ def test_a_point_is_on_the_disk_before_the_next_is_solved(tmp_path, pairs):
     writer.close()
 
 
-def test_result_file_gives_back_everything(tmp_path, pairs):
+def test_result_file_has_all_results(tmp_path, pairs):
     curves = [branch(level, pairs, n_points=6) for level in (1.0, 8.0)]
     results = read_results(write(tmp_path, curves, pairs))
     assert results.title == TITLE and results.scene_text == head(pairs).scene_text and results.method == "adaptive"
@@ -89,7 +89,7 @@ def test_result_file_gives_back_everything(tmp_path, pairs):
     assert joint.node1[0] == 1001 and np.array_equal(joint.faces[0], pairs.faces[0])
 
 
-def test_layout_is_the_one_that_scripts_know(tmp_path, pairs):
+def test_layout_of_the_result_file_is_as_documented(tmp_path, pairs):
     write(tmp_path, [branch(5.0, pairs, n_points=4)], pairs)
     with h5py.File(tmp_path / "results.h5") as file:
         level = file["levels/0000"]
@@ -108,7 +108,7 @@ def test_layout_is_the_one_that_scripts_know(tmp_path, pairs):
         assert file["modes/frequency_Hz"].shape == (2,) and file["joint/position"].shape == (n_pairs, 3)
 
 
-def test_a_level_that_stopped_keeps_its_points_and_the_reason(tmp_path, pairs):
+def test_a_stopped_level_has_its_points_and_the_reason(tmp_path, pairs):
     curve = branch(8.0, pairs, n_points=4)
     curve.failure = "hb: no convergence beyond 100.1 Hz"
     empty = branch(9.0, pairs, n_points=4)
@@ -120,24 +120,24 @@ def test_a_level_that_stopped_keeps_its_points_and_the_reason(tmp_path, pairs):
     assert levels[1].du.shape == (0, pairs.n_pairs, 3, 7)
 
 
-def test_levels_that_have_not_come_to_their_end_are_known(tmp_path, pairs):
+def test_incomplete_levels_are_listed(tmp_path, pairs):
     requested = dataclasses.replace(head(pairs), requested=(1.0, 8.0, 9.0))
     curve, stopped = branch(1.0, pairs, n_points=4), branch(8.0, pairs, n_points=4)
     stopped.failure = "hb: no convergence beyond 100.1 Hz"
     writer, missing = ResultWriter(MPI.COMM_SELF, str(tmp_path), requested, 7), []
-    for number, one in enumerate((curve, stopped, branch(9.0, pairs, n_points=4))):
-        writer.level_started(number, one.level)
-        for i, point in enumerate(one.points):
+    for number, level in enumerate((curve, stopped, branch(9.0, pairs, n_points=4))):
+        writer.level_started(number, level.level)
+        for i, point in enumerate(level.points):
             writer.point(number, i, point)
         writer.save()
         missing.append(read_results(writer.path).missing)
-        writer.level_finished(number, one)
+        writer.level_finished(number, level)
     writer.close()
     assert missing == [(1.0, 8.0, 9.0), (8.0, 9.0), (9.0,)] and read_results(writer.path).missing == ()
     assert read_results(write(tmp_path / "earlier", [curve], pairs)).missing == ()
 
 
-def test_a_level_at_work_can_be_saved_and_is_replaced_when_it_ends(tmp_path, pairs):
+def test_a_level_in_progress_can_be_saved_and_is_replaced_at_its_end(tmp_path, pairs):
     curve = branch(8.0, pairs, n_points=4)
     writer = writer_of(tmp_path, pairs)
     writer.save()
@@ -160,12 +160,12 @@ def test_a_scene_without_joint_or_linear_curve(tmp_path):
     assert results.levels[0].state.shape == (3, 0)
 
 
-def test_texts_with_zero_bytes_and_other_letters_are_kept(tmp_path):
+def test_texts_with_zero_bytes_and_unicode_are_stored(tmp_path):
     results = read_results(write(tmp_path, [], no_pairs(), title="a\0b \u4e2d $x$", outputs=("\u00fc",)))
     assert results.title == "a\ufffdb \u4e2d $x$" and results.outputs == ("\u00fc",)
 
 
-def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkeypatch):
+def test_an_interrupted_write_leaves_the_previous_file(tmp_path, pairs, monkeypatch):
     curve = branch(8.0, pairs, n_points=3)
     path = write(tmp_path, [curve], pairs)
     before = open(path, "rb").read()
@@ -186,7 +186,7 @@ def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkey
 
 
 class Filling(io.FileIO):
-    """A file on a disk that takes half of what comes after it has filled up."""
+    """A file on a full disk that accepts half of the next write."""
 
     has_room = True
 
@@ -197,7 +197,7 @@ class Filling(io.FileIO):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_a_disk_that_fills_up_leaves_whole_rows(tmp_path, monkeypatch, pairs):
+def test_a_full_disk_leaves_complete_rows(tmp_path, monkeypatch, pairs):
     monkeypatch.setattr(table, "open", lambda path, *_, **__: Filling(path, "w"), raising=False)
     rows = ResponseTable(str(tmp_path), ("a", "b"), ("m", "m"))
     point = branch(1.0, pairs, n_points=1, n_outputs=2).points[0]
@@ -216,13 +216,13 @@ def test_a_full_disk_is_status_4(tmp_path, pairs):
         writer_of(tmp_path, pairs)
 
 
-def test_a_folder_that_cannot_be_is_status_2(tmp_path, pairs):
+def test_an_impossible_folder_is_status_2(tmp_path, pairs):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(CaseError, match="taken.*cannot be written"):
         writer_of(tmp_path / "taken" / "results", pairs)
 
 
-def test_zeros_of_stuck_pairs_take_no_room(tmp_path):
+def test_zeros_of_stuck_pairs_need_no_storage(tmp_path):
     pairs = two_flanks()
     path = write(tmp_path, [branch(0.5, pairs, n_points=98)], pairs, comm=MPI.COMM_SELF)
     with h5py.File(path) as file:

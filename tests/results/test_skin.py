@@ -1,4 +1,4 @@
-"""The outer surface of a mesh: closed, turned outward, and still that of the body where it is made coarser."""
+"""The outer surface of a mesh: closed, oriented outward, and still that of the body after coarsening."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from microslip.results.skin_triangles import skin
 
 
 def volume(points, triangles):
-    """Return the volume that triangles enclose, by Gauss' theorem."""
+    """Return the volume enclosed by triangles, by the divergence theorem."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     return np.einsum("ni,ni->", a, np.cross(b, c)) / 6.0
 
@@ -24,7 +24,7 @@ def test_skin_of_a_box_is_closed_and_encloses_it(kind):
     assert np.array_equal(np.unique(sides, axis=0), np.unique(sides[:, ::-1], axis=0))
 
 
-def test_coarser_skin_keeps_bodies_and_shape():
+def test_a_coarser_skin_preserves_bodies_and_shape():
     mesh = mesh_of(
         ("a", "hex8", *box("hex8", (20, 20, 2), (1.0, 1.0, 0.1))),
         ("b", "hex8", *box("hex8", (20, 20, 2), (1.0, 1.0, 0.1), (0, 0, 1.0))),

@@ -1,4 +1,4 @@
-"""Contact surfaces laid flat: lengths and areas are kept, cells cover the faces once, patches fall apart as they should."""
+"""Contact surfaces unrolled to a plane: lengths and areas are preserved, cells cover the faces once, patches are separated."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_cells_of_a_face_cover_it_once(kind):
         assert cell[0] == pytest.approx(patch.points[pair])
 
 
-def test_a_plane_keeps_its_distances_and_is_seen_from_body_1():
+def test_distances_on_a_plane_are_preserved_and_viewed_from_body_1():
     grid = np.stack(np.meshgrid(np.linspace(0, 3, 7), np.linspace(0, 1, 3), indexing="ij"), axis=-1).reshape(-1, 2)
     turn = rotation()
     points = np.column_stack([grid, np.zeros(len(grid))]) @ turn.T
@@ -66,7 +66,7 @@ def test_a_plane_keeps_its_distances_and_is_seen_from_body_1():
 
 
 @pytest.mark.parametrize("n_around, reach", [(24, 2.0 * np.pi), (16, 1.2 * np.pi)])
-def test_a_cylinder_is_rolled_off(n_around, reach):
+def test_a_cylinder_is_unrolled(n_around, reach):
     radius, length, is_closed = 0.005, 0.02, reach > 6.28
     angle = np.arange(n_around) * reach / (n_around if is_closed else n_around - 1) + 0.4
     T, Z = (a.ravel() for a in np.meshgrid(angle, np.linspace(0.0, length, 5), indexing="ij"))
@@ -86,7 +86,7 @@ def test_a_cylinder_is_rolled_off(n_around, reach):
     assert np.abs([area(ring) for ring in patch.outlines]).sum() == pytest.approx(reach * radius * length)
 
 
-def test_flanks_are_patches_of_their_own_with_their_place_in_the_label():
+def test_flanks_are_separate_patches_with_their_position_in_the_label():
     surfaces = patches(joint_of(two_flanks(6, 2)))
     assert [len(patch.pairs) for patch in surfaces] == [len(two_flanks(6, 2).mu) // 2] * 2
     x = [1e3 * two_flanks(6, 2).position[patch.pairs, 0].mean() for patch in surfaces]
@@ -97,7 +97,7 @@ def test_flanks_are_patches_of_their_own_with_their_place_in_the_label():
     assert faces == pytest.approx(0.066 * 0.009, rel=0.02)
 
 
-def test_patches_in_a_ring_have_labels_of_their_own_without_rounding():
+def test_patches_in_a_ring_have_distinct_labels():
     angle = np.arange(8) * np.pi / 4.0
     radial = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(8)])
     corners = np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01], [0.0, 0.01]])
@@ -110,7 +110,7 @@ def test_patches_in_a_ring_have_labels_of_their_own_without_rounding():
     assert len(set(labels)) == 8 and not any("e" in label for label in labels)
 
 
-def test_joints_are_apart_even_where_no_face_tells():
+def test_joints_are_separate_patches_even_without_faces():
     surfaces = patches(joint_of(two_flanks(4, 1, names=("left", "right"))))
     assert [patch.label for patch in surfaces] == ["left", "right"]
     points = np.random.default_rng(0).normal(size=(6, 3)) * [1, 1, 0]
@@ -118,7 +118,7 @@ def test_joints_are_apart_even_where_no_face_tells():
     assert [(patch.label, list(patch.pairs)) for patch in surfaces] == [("a", [0, 1]), ("b", [2, 3, 4, 5])]
 
 
-def test_pairs_without_a_place_are_put_in_the_order_of_their_numbers():
+def test_pairs_without_a_position_are_placed_by_number():
     nowhere = np.full((10, 3), np.nan)
     (patch,) = patches(joint(nowhere, np.tile([0.0, 0.0, 1.0], (10, 1)), ()))
     assert not patch.to_scale and len(np.unique(patch.points, axis=0)) == 10
@@ -131,7 +131,7 @@ def test_one_pair_and_no_pair():
     assert patches(joint(np.zeros((0, 3)), np.zeros((0, 3)), ())) == []
 
 
-def test_few_pairs_without_positions_take_a_place_each_in_a_wide_row():
+def test_few_pairs_without_positions_form_a_row():
     nowhere = np.full((3, 3), np.nan)
     (patch,) = patches(joint(nowhere, np.tile([0.0, 0.0, 1.0], (3, 1)), ()))
     assert patch.size == pytest.approx([20.0, 1.0])

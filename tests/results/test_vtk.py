@@ -1,4 +1,4 @@
-"""VTKHDF files against the format: what VTK 9.1 and later read."""
+"""VTKHDF files checked by the format: as read by VTK 9.1 and later."""
 
 import h5py
 import numpy as np
@@ -57,7 +57,7 @@ def test_peak_fields_are_mean_cosine_and_sine():
     assert np.array_equal(fields["8N_99.6371Hz_sin1"], u[:, :, 2])
 
 
-def test_a_place_that_cannot_be_written_to_is_status_2(tmp_path, mesh):
+def test_a_file_that_cannot_be_written_is_status_2(tmp_path, mesh):
     with pytest.raises(CaseError, match="cannot be written"):
         write_fields(str(tmp_path / "none" / "x.vtkhdf"), mesh, {})
 

@@ -1,4 +1,4 @@
-"""Results with everything that a run keeps: two boxes in contact as mesh, modes, rest, motions, stages and notes."""
+"""Complete results of a run: two boxes in contact with mesh, modes, rest, motions, stages and notes."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def fields(rest: bool = True) -> Fields:
     )
 
 
-def kept(folder, **options) -> str:
-    """Write results of two levels and two outputs with all that is kept, and return their path."""
+def write_full_results(folder, **options) -> str:
+    """Write complete results of two levels and two outputs, and return their path."""
     pairs = boxes_in_contact()
     path = write(
         folder, [branch(level, pairs, n_outputs=2) for level in LEVELS], pairs, outputs=("tip", "<img src=x>"), **options
