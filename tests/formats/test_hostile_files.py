@@ -331,7 +331,7 @@ def _references(file, values):
     ],
 )
 def test_results_that_expand_or_need_plugins_are_refused(tmp_path, make, message):
-    path = replaced(kept(tmp_path), "joint/mu", make)
+    path = replaced(write_full_results(tmp_path), "joint/mu", make)
     with pytest.raises(CaseError, match=message):
         read_results(path)
     with pytest.raises(CaseError, match=message):
