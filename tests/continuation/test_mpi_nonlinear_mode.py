@@ -79,7 +79,7 @@ def test_mode_of_one_mass_with_exact_coefficients_is_the_closed_form():
     assert branch.failure is None
     points = [point for point in branch.points if point.requested]
     errors = [(p.omega / omega - 1.0, -p.parameters[2] / xi - 1.0) for p, (omega, xi) in zip(points, EXACT.values(), strict=True)]
-    print(f"largest errors of frequency and damping {np.abs(errors).max(axis=0)}")
+    print(f"frequency and damping off by {np.abs(errors).max(axis=0)}")
     assert np.abs(errors).max() < 1e-9
 
 

@@ -351,7 +351,7 @@ def test_forced_responses_are_computed_about_the_mode():
 
 
 @pytest.mark.ranks(1)
-def test_the_forced_peak_nearest_to_a_mode_is_compared():
+def test_the_next_forced_peak_is_compared_with_a_mode():
     peaks = [SimpleNamespace(output=0, omega=2.0 * np.pi * f, amplitude=a) for f, a in ((1.0, 5.0), (3.1, 2.0j))]
     by_mode = SimpleNamespace(resonance=3.0, peak=np.array([1.9]))
     forced = Forced(1.0, by_mode, np.ones(2), np.array([[5.0], [2.0]]), peaks, None)
