@@ -29,7 +29,7 @@ from ..modes.eigen import Modes
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
-from ..parallel.petsc import everyone
+from ..parallel.petsc import everyone, free
 from ..points.band import frequency_band
 from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
@@ -37,14 +37,14 @@ from ..reduction.memory_of_modes import PICKED, diameters_together, memory_of_di
 from ..reduction.methods import check_size, keeps_to_K_L
 from ..reduction.mistuning import with_static_shapes
 from ..reduction.stuck import Factored, ModesOf, OnDemand, StuckStructure, static_response
-from ..reduction.whole_disc import WholeDisc, of_all_sectors, with_other_blades
+from ..reduction.whole_disc import WholeDisc, forget_faces, of_all_sectors, with_other_blades
 from ..results.whole_disc import turns, whole_mesh
 from ..scene.schema import Scene
 from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
 from ..statics.equilibrium import Flexibility
 from ..statics.reference_state import AtRest, ReferenceState, find_rest
-from ..system.memory import gigabytes
+from ..system.memory import gigabytes, give_back
 from ..tables.cyclic import Cyclic
 from .complete import read_completed
 from .dropped import free_dropped, free_if_dropped
@@ -336,6 +336,10 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
     if factors.changes_blades and blades is not None:
         with log.stage("modes of blades that differ"):
             fields = with_other_blades(fields, tuned, blades, (factors.stiffness, factors.density))
+    for each in tuned:  # memory of the response
+        forget_faces(each)
+    free(*(blades or ()))
+    give_back()
     return WholeStructure(
         **fields,
         alike=replace(diameters.of_group(wave.diameter(1)), groups=one_sector, scene=scene.with_keys(cyclic=wave)),

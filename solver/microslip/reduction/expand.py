@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..assembly.sectors import AllSectors
 from ..fourier.amplitudes import matrix_times, to_complex, to_real
 from ..fourier.harmonics import Harmonics
 from ..receptance.motions import ActingForces
@@ -97,14 +98,24 @@ def rest_at_nodes(system: System) -> np.ndarray | None:
 
 
 def motions_at_nodes(system: System, owned: np.ndarray) -> np.ndarray | None:
-    """Return the harmonics of a motion per node, (n_nodes, 3, N_H), on rank 0 (None elsewhere); for a disc, of sector 0.
+    """Return the harmonics of a motion per node, (n_nodes, 3, N_H), on rank 0 (None elsewhere); for a wave, of sector 0.
 
-    Collective: one gather.  ``owned`` (n_owned, N_H) are the coefficients of this rank's rows, all harmonics from 0 on.
+    Collective: one gather, of all sectors one for each coefficient.  ``owned`` (n_owned, N_H) are the coefficients of this rank's
+    rows, all harmonics from 0 on.
     """
     if system.sectors is None:
         return node_fields(system, owned)
-    gathered = system.comm.gather(owned, root=0)
-    return None if gathered is None else system.sectors.at_nodes(np.concatenate(gathered))
+    if not isinstance(system.sectors, AllSectors):
+        gathered = system.comm.gather(owned, root=0)
+        return None if gathered is None else system.sectors.at_nodes(np.concatenate(gathered))
+    u = None
+    for k in range(owned.shape[1]):  # memory: rows and nodes are those of all sectors
+        gathered = system.comm.gather(owned[:, k : k + 1], root=0)
+        if gathered is not None:
+            of_k = system.sectors.at_nodes(np.concatenate(gathered))
+            u = np.empty((*of_k.shape[:2], owned.shape[1])) if u is None else u
+            u[..., k] = of_k[..., 0]
+    return u
 
 
 def peak_displacements(

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..assembly.sectors import AllSectors
 from ..fourier.harmonics import Harmonics
+from ..linear.sector_factor import DiameterFactor
 from ..mesh.data import ContactPairs
 from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.circulant import CirculantColumns, Waves
@@ -280,7 +281,18 @@ def _displacement(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> 
     for each, f_each, p_each, eta_each in zip(disc.tuned, f_d, p_d, waves.spectrum(eta, [each.n_modes for each in disc.tuned])):
         static = each.solve(each.load_forces(f_each) - each.pair_forces(p_each))
         fields.append(static + each.modes.phi_owned @ eta_each)
-    return np.fft.irfft(np.array(fields), n=N, axis=0).swapaxes(0, 1).reshape(-1, N_H)
+        forget_faces(each)
+    u: np.ndarray = np.empty((N * len(fields[0]), N_H))
+    for k in range(N_H):  # memory: rows are those of all sectors
+        u[:, k] = np.fft.irfft(np.array([field[:, k] for field in fields]), n=N, axis=0).T.ravel()
+    return u
+
+
+def forget_faces(stuck: StuckStructure) -> None:
+    """Free the factor on the faces of a nodal diameter, computed again when needed.  Collective if K_L is not there."""
+    solver = stuck.factor.solver
+    if isinstance(solver, DiameterFactor):
+        solver.forget()
 
 
 def _forces_of_other_springs(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:
