@@ -90,7 +90,8 @@ class SetUp:
             if self.cache is not None:
                 self.cache.files.columns.restore(structure.statics.G_static, is_known=False)
             self.files.columns.restore(structure.statics.G_static, is_known=True)
-        for note in stored[1]["notes"]:
+        self._notes = stored[1]["notes"]
+        for note in self._notes:
             self.log.note(note)
         self._follow(structure, basis)
         return structure
