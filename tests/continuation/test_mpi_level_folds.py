@@ -7,10 +7,11 @@ from mpi4py import MPI
 from oracles import scenes
 from scipy.optimize import brentq, minimize_scalar
 
-from microslip.continuation.follow import follow_branch
+from microslip.continuation.follow import advance, follow_branch
 from microslip.continuation.problems import LevelHomotopy
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.task import BranchTask
+from microslip.continuation.ways_out import Stuck, across_the_corner
 from microslip.points.selection import AllPairs
 from microslip.points.sweep import Sweep
 
@@ -53,11 +54,14 @@ def level_of(a):
     return a * np.hypot(stiffness - OMEGA**2, C * OMEGA)
 
 
-def over_level(highest):
+def task_over_level(highest, ds=0.02):
     model, law = reduced(mass(), COMM, 1)
     problem = LevelHomotopy(forced(model, law, N_SAMPLES, 1.0).equation, OMEGA)
-    steps = ArcLength(ds=0.02, ds_min=1e-6, ds_max=0.05)
-    return follow_branch(BranchTask(problem, AllPairs(), Sweep(0.05, highest), steps, 1e-10), 400)
+    return BranchTask(problem, AllPairs(), Sweep(0.05, highest), ArcLength(ds=ds, ds_min=1e-6, ds_max=2.5 * ds), 1e-10)
+
+
+def over_level(highest):
+    return follow_branch(task_over_level(highest), 400)
 
 
 def test_a_branch_over_the_level_has_the_two_folds_of_a_stiffening_stop():
@@ -73,3 +77,23 @@ def test_a_branch_over_the_level_has_the_two_folds_of_a_stiffening_stop():
     lower = minimize_scalar(lambda a: level_of(a), bounds=(sizes[bottom - 1], sizes[bottom + 1]), method="bounded")
     assert levels[top] == pytest.approx(-upper.fun, rel=1e-2) and levels[bottom] == pytest.approx(lower.fun, rel=2e-2)
     assert -upper.fun > 2.0 * lower.fun  # three solutions over most of the range
+
+
+@pytest.mark.parametrize("usual", [0.8, pytest.param(0.4, marks=pytest.mark.ranks(1))])
+def test_usual_steps_across_a_corner_lead_to_solutions_ahead(usual):
+    """From every point of a curve with two folds: a mass without friction has the solutions of the closed form, and no others."""
+    task = task_over_level(1.0, 0.1)
+    workspace, steps = task.workspace(), ArcLength(ds=usual, ds_min=1e-6, ds_max=2.0 * usual)
+    state, turns, sizes = task.start(workspace), [], []
+    while not state.is_done:
+        state = advance(task, state).state
+        if state.before is None or state.is_done:
+            continue
+        solver, before, now = state.solver, state.before, state.now
+        for on in across_the_corner(Stuck("ahead", solver, steps, earlier=state.earlier, before=before, now=now)):
+            there = on.solved[0].iterate
+            turns.append(solver.turn(before.iterate, now.iterate, there, now.size))
+            sizes.append((solver.norm(solver.vibration(there.U)), there.parameter))
+    workspace.destroy()
+    assert len(turns) > 50 and max(turns) <= 0.25 * np.pi
+    assert [level for _, level in sizes] == pytest.approx([level_of(a) for a, _ in sizes], rel=1e-3, abs=1e-3)

@@ -89,9 +89,11 @@ def response_of(seed: int, number: int, is_small: bool = False, samples: int = 1
             yield prepare(structure, has_bars=False).response
 
 
-def curves(seed: int, number: int, points: list[int], reference: int | None, is_small: bool = False) -> list[list]:
+def curves(
+    seed: int, number: int, points: list[int], reference: int | None, is_small: bool = False, samples: int = 128
+) -> list[list]:
     """Return the branches of a system for each number of points, with peaks, and the optional reference without."""
-    with response_of(seed, number, is_small) as response:
+    with response_of(seed, number, is_small, samples) as response:
         settings = [replace(response.settings, points=n, peaks=True) for n in points]
         settings += [] if reference is None else [replace(response.settings, points=reference)]
         return [follow(replace(response, settings=each)) for each in settings]

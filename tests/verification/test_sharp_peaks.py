@@ -38,3 +38,13 @@ def test_no_peak_is_missed_where_planes_across_the_curve_lead_to_its_other_side(
     """The curve folds twice about the top, and three parts of it have the same frequencies."""
     n_peaks, *_, not_located, _ = counts_of(91)
     assert n_peaks >= 10 and not_located == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [154, pytest.param(36, marks=pytest.mark.study)])
+def test_no_part_of_a_curve_is_passed_over_at_a_corner(number):
+    """Where short steps fail at one, longer ones lead out of the range, or past a fold at first slip."""
+    (few,), (dense,) = sharp_peaks.curves(7, number, [30], 150, is_small=True, samples=1024)
+    assert few.failure is None and dense.failure is None
+    n_peaks, *_, not_located, _ = sharp_peaks.missing(few, sharp_peaks.peaks_of_outputs(dense))
+    assert n_peaks >= 8 and not_located == 0

@@ -31,6 +31,7 @@ MOST_NEWTON = 1500  # iterations on one homotopy; successful ones need some hund
 MOST_POINTS = 1000
 CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps beyond a sharp corner at which the branch is sought
 USUAL = 1.0, 0.5, 1.5  # usual steps that lead across a corner too near for shorter ones
+ACROSS = 0.25 * np.pi  # rad by which such a step turns at most
 TENTHS = 0.1 ** np.arange(4)  # of a step, at which the branch is sought by many small Newton steps
 BACK = 0.05  # rad between a step and the reversed last step, below which the step goes back
 FARTHEST = 4.0  # lengths of a requested step that it may have: on the plane normal to it, a turn of 75 degrees
@@ -204,13 +205,18 @@ def _end_of(way: BranchTask, advance: Advance) -> BranchState | None:
 
 
 def across_the_corner(stuck: Stuck) -> Iterator[WayOn]:
-    """Solve ahead with steps of usual length: where a corner is very near, shorter ones end at it.  Collective."""
+    """Solve ahead with steps of usual length: where a corner is very near, shorter ones end at it.  Collective.
+
+    A step that turns by more than 45 degrees is rejected: it leads to another part of the curve, or out of the range.
+    """
     solver, (before, now) = stuck.solver, stuck.last_two
     for ds in stuck.steps.ds * np.array(USUAL):
         guess, plane = predict(solver, stuck.earlier, before, now, ds)
         solution = solver.solve(guess, plane, now.size, now.selected, now.force)
         there = solution[0].iterate
-        if solution[0].failure is None and not left(solver, before, now, there, ds) and passed_over(solver, now, there) is None:
+        if solution[0].failure is not None or left(solver, before, now, there, ds, most=ACROSS):
+            continue
+        if passed_over(solver, now, there) is None:
             yield WayOn(solver, solution, ds=ds)
 
 
@@ -281,14 +287,22 @@ def mean_slip_ahead(stuck: Stuck) -> Iterator[WayOn]:
         yield WayOn(held)
 
 
-def left(solver: PointSolver, before: PointState, now: PointState, there: Iterate, ds: float, may_turn: bool = False) -> bool:
-    """Return whether a step left the branch or fell back on it: by a turn of more than 90 degrees or another length.
+def left(
+    solver: PointSolver,
+    before: PointState,
+    now: PointState,
+    there: Iterate,
+    ds: float,
+    may_turn: bool = False,
+    most: float = 0.5 * np.pi,
+) -> bool:
+    """Return whether a step left the branch or fell back on it: by a turn of more than ``most`` [rad] or another length.
 
     A step that was shortened before a resonance ``may_turn`` away from the last chord if the parameter still advances.
     """
     here = now.iterate.parameter
     is_same_direction = (there.parameter - here) * (here - before.iterate.parameter) > 0.0
-    turns = solver.turn(before.iterate, now.iterate, there, now.size) > 0.5 * np.pi and not (may_turn and is_same_direction)
+    turns = solver.turn(before.iterate, now.iterate, there, now.size) > most and not (may_turn and is_same_direction)
     return turns or not NEAREST * ds <= solver.distance(now, there) <= FARTHEST * ds
 
 
