@@ -161,6 +161,8 @@ def main() -> None:
     listed = [each for each in maxima if each.higher > -LOWER]
     print(f"systems {given.systems}, of which {n_early} have a curve that ends early; {time.process_time() - start:.0f} s")
     print(f"maxima of the fine sweep {len(maxima)}, listed {n_listed}, missed {len(maxima) - len(listed)}")
+    if not listed:
+        return
     for share in (HALF_POWER, 0.99):
         print(
             f"listed, but no point of the curve at {share:g} of it: {sum(each.by_points < share * each.size for each in listed)}"
