@@ -39,17 +39,17 @@ out="results/$(basename "$scene" .toml)${task:+_$task}"
 progress() { { find "$out" -type f ! -name "*.lock"; find "$out" -name frf.csv -exec cat {} +; } 2> /dev/null | wc -l || true; }
 before=$(progress)
 
-told=
-trap 'told=1; kill -TERM %1 2> /dev/null || true' TERM
+signalled=
+trap 'signalled=1; kill -TERM %1 2> /dev/null || true' TERM
 mpirun microslip run "${arguments[@]}" &
 run=$!
 status=0
 wait "$run" || status=$?
-if [ -n "$told" ]; then            # the signal ended the wait, not the run
+if [ -n "$signalled" ]; then            # the signal ended the wait, not the run
     status=0
     wait "$run" || status=$?
 fi
-if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that gets a signal was cancelled or preempted
+if [ "$status" = 5 ] && [ -z "$signalled" ]; then      # a job that gets a signal was cancelled or preempted
     if [ "$(progress)" -gt "$before" ] && [ "${SLURM_RESTART_COUNT:-0}" -lt "$most" ]; then
         scontrol requeue "${SLURM_JOB_ID:?}"
     else

@@ -1,6 +1,6 @@
 """The demo's fan sector at speed: contact at rest, compared with CalculiX' contact solution on the same mesh.
 
-    python jobs/bench/against_calculix.py [--size small] [--ccx PATH] [--keep FOLDER]
+    python jobs/bench/against_calculix.py [--size small] [--flank N] [--reduced] [--ccx PATH]
 
 Needs ``ccx`` (Debian: calculix-ccx).  The CalculiX input has the elements of the scene (C3D20; C3D20R with --reduced), its
 centrifugal force, supports, contact stiffness and friction: surface-to-surface contact with linear pressure-overclosure,

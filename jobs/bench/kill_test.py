@@ -12,7 +12,7 @@ runs (`--earlier`, a half) starts over the results of an earlier run at another 
 A trial fails if the run does not end with status 0; if its curves differ from those of the undisturbed run: points at the same
 frequencies, responses within 1e-8 of the peak; if more than one reported point is computed again per kill; if results.h5 or
 frf.csv is neither that of the earlier run nor complete and correct; or if results.h5 cannot be read.  A set-up killed before it
-was cached is computed again; on several ranks it then differs by rounding, which sometimes changes whether a step is repeated.
+was stored is computed again; on several ranks it then differs by rounding, which sometimes changes whether a step is repeated.
 So where the numbers of points differ, the points that only one of the two runs has are compared with a third run at their
 frequencies. Any failure makes status 1.
 """

@@ -1,9 +1,9 @@
 """Memory leaks over thousands of points: the memory of each rank, point by point, compared with that of the recorded points.
 
-    [mpirun -n 2] python jobs/bench/leak.py [SCENE.toml] [--points 3000] [--warm 500] [--limit 0.02] [--out DIR]
+    [mpirun -n 2] python jobs/bench/leak.py [SCENE.toml] [--points 3000] [--settled 500] [--limit 0.02] [--out DIR]
 
 SCENE is jobs/fan_small.toml by default.  Its levels are followed repeatedly, in one run with the usual log and files, until the
-number of points is reached.  The memory of a rank after the first points (``--warm``) may grow by ``--limit`` in addition to the
+number of points is reached.  The memory of a rank after the first points (``--settled``) may grow by ``--limit`` in addition to the
 recorded points, which stay in memory by design: on rank 0 with the motion of their pairs until their level is written, afterwards
 (and on other ranks) without it, except that of the peak.  Prints a line of JSON; exit status 1 if a rank grows by more.
 """
@@ -123,15 +123,15 @@ def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
     return meter
 
 
-def growth(meter: Meter, warm: int) -> dict[str, float]:
+def growth(meter: Meter, settled: int) -> dict[str, float]:
     """Return a rank's memory after the first points and at the end, and its growth in addition to the points."""
-    first, recorded = meter.resident[warm - 1], meter.recorded[-1] - meter.recorded[warm - 1]
+    first, recorded = meter.resident[settled - 1], meter.recorded[-1] - meter.recorded[settled - 1]
     return {
-        "warm_MB": first / 1e6,
+        "settled_MB": first / 1e6,
         "end_MB": meter.resident[-1] / 1e6,
         "points_MB": recorded / 1e6,
-        "bytes_a_point": recorded / (len(meter.resident) - warm),
-        "growth": unexplained(meter, warm) / first,
+        "bytes_a_point": recorded / (len(meter.resident) - settled),
+        "growth": unexplained(meter, settled) / first,
         "more_in_second_half_MB": unexplained(meter, len(meter.resident) // 2) / 1e6,
     }
 
@@ -145,14 +145,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("scene", nargs="?", default="jobs/fan_small.toml")
     parser.add_argument("--points", type=int, default=3000)
-    parser.add_argument("--warm", type=int, default=500)
+    parser.add_argument("--settled", type=int, default=500)
     parser.add_argument("--limit", type=float, default=0.02)
     parser.add_argument("--out", type=Path, default=None)
     arguments = parser.parse_args()
     comm = MPI.COMM_WORLD
     folder = on_root(comm, lambda: arguments.out or Path(tempfile.mkdtemp(prefix="leak_")))
     meter = measured(comm, arguments.scene, arguments.points, folder)
-    growths = comm.allgather(growth(meter, arguments.warm))
+    growths = comm.allgather(growth(meter, arguments.settled))
     if comm.rank == 0:
         print(json.dumps({"scene": arguments.scene, "points": arguments.points, "ranks": growths}))
     return int(max(rank["growth"] for rank in growths) > arguments.limit)

@@ -2,7 +2,7 @@
 
     [mpirun -n 2] python jobs/bench/restart_costs.py [SCENE.toml ...]
 
-Each scene is run twice in a new folder: first from the beginning, then with its set-up from the cache and without its points.
+Each scene is run twice in a new folder: first from the beginning, then with the set-up of its folder and without its points.
 Pictures are left out.  Prints a line of JSON for each scene; times are wall times of rank 0, with processor time in brackets.
 """
 
@@ -69,7 +69,7 @@ class Clock:
 
 
 def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
-    """Return the times of a run: the whole, its set-up, checkpoints, continuation with a cached set-up.  Collective."""
+    """Return the times of a run: the whole, its set-up, checkpoints, continuation from the stored set-up.  Collective."""
     clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
     patched: list[tuple[Any, str, str]] = [(owner, name, "keeping") for owner, name in KEEPING]
     patched += [(whole_run, "build", "set-up"), (restart_folder, "identity_of", "identity"), (SetUp, "_restored", "going on")]

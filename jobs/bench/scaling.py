@@ -71,13 +71,14 @@ def tables(sizes: dict[str, dict[int, Stages]]) -> dict[str, list[str]]:
         ranks, first = [f"{n} rank{'s' if n > 1 else ''}" for n in runs], next(iter(runs.values()))
         memory = [[f"{run[name][1]:,.0f}" for run in runs.values()] for name in first]
         cells = [[name, *gain([run[name][0] for run in runs.values()]), *of] for name, of in zip(first, memory)]
-        titles = ("stage, times and memory", *ranks, "times as fast", *(f"MiB, {n}" for n in ranks))
+        times = [f"time, {n}" for n in ranks]
+        titles = ("stage, times and memory", *times, "times as fast", *(f"MiB, {n}" for n in ranks))
         made[f"{size}-measured"] = table(titles, cells)
         sums = [sum(run[name][0] for name in run if name != POINT) for run in runs.values()]
-        points, target = [run[POINT][0] for run in runs.values()], max(runs) / min(runs)
-        for what, times in (f"set-up of {size}", sums), (f"a point of {size}", points):
-            rows.append([what, f"{target:g}", *gain(times), f"{target * times[-1] / times[0]:.2f}"])
-        made["summary"] = table(("what", "target, speed-up", *ranks, "speed-up", "ratio"), rows)
+        points, target = [run[POINT][0] for run in runs.values()], [*runs][-1] / [*runs][0]
+        for what, values in (f"set-up of {size}", sums), (f"a point of {size}", points):
+            rows.append([what, f"{target:g}", *gain(values), f"{target * values[-1] / values[0]:.2f}"])
+        made["summary"] = table(("what", "target, speed-up", *times, "speed-up", "ratio"), rows)
     return made
 
 

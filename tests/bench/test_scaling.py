@@ -12,6 +12,7 @@ def test_tables_are_those_of_the_page():
     page = (ROOT / "docs" / "scaling.md").read_text(encoding="utf-8")
     assert {*made, "machine"} == {name for _, name, _ in MARKED.findall(page)}
     assert "| assembly | 2 s | 1 s | 2.00 | 1,000 | 2,000 |" in made["small-measured"]
+    assert made["summary"][0] == "| what | target, speed-up | time, 1 rank | time, 2 ranks | speed-up | ratio |"
     n = 2.0 * len(SET_UP)
     assert f"| set-up of paper | 2 | {n:.3g} s | {n / 2:.3g} s | 2.00 | 1.00 |" in made["summary"]
     assert "| a point of small | 2 | 30 ms | 30 ms | 1.00 | 2.00 |" in made["summary"]

@@ -1,5 +1,6 @@
 """Runs of one structure share its set-up: the same curves, error bars and modes as without the cache, and no factorisation."""
 
+import os
 import shutil
 from dataclasses import astuple
 from functools import partial
@@ -390,8 +391,6 @@ def test_the_environment_names_the_cache_or_turns_it_off(tmp_path, monkeypatch):
 
 @pytest.mark.ranks(1)
 def test_least_recently_used_set_ups_are_deleted(tmp_path, monkeypatch):
-    import os
-
     monkeypatch.setattr(cache, "LARGEST", 2500.0)
     a, b, c, d = (f"setup-{letter * 24}" for letter in "abcd")
     for i, name in enumerate((a, b, c, d, "setup-of-mine")):
@@ -404,8 +403,6 @@ def test_least_recently_used_set_ups_are_deleted(tmp_path, monkeypatch):
 
 @pytest.mark.ranks(1)
 def test_a_set_up_of_a_disc_is_used_where_one_of_its_nodal_diameters_is(tmp_path, monkeypatch):
-    import os
-
     monkeypatch.setattr(cache, "LARGEST", 2500.0)
     models = [tmp_path / f"setup-{24 * 'a'}" / f"diameter-{d}" / "model" for d in (0, 1)]
     models += [tmp_path / f"setup-{24 * letter}" / "model" for letter in "bc"]

@@ -1,5 +1,5 @@
 /* Contact forces over sampled periods and their exact derivatives: the compiled part of elastic_coulomb.py.
- * Compiled for several kinds of processor, see elastic_coulomb.h.
+ * Compiled for several kinds of processor, see ../system/processors.h.
  *
  * The law of docs/theory.md, section 3, marched to its steady cycle.  Motion du_t and slider position w are relative to the
  * initial slider position w0, so that w = 0 at the start, T = k_t (du_t - w) and p_t = -k_t w.  With the slip distance

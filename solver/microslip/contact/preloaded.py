@@ -46,7 +46,8 @@ class Preloaded:
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Self:
         """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs.
 
-        Local.  Other parameters do not change, but gaps stay where k_n changes.  ValueError as in :class:`Law`.
+        Local.  Parameters along y change in proportion to those along x; gaps stay where k_n changes.  ValueError as in
+        :class:`Law`.
         """
         return replace(self, **self._changed(name, pairs, values))
 

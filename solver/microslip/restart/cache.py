@@ -69,7 +69,8 @@ class Cache:
         with suppress(OSError):
             stored = self.files.read()
             if stored is not None and (self.files.path / stored[1]["modes"]).is_file():
-                os.utime(self.files.model)
+                with suppress(OSError):  # of another owner
+                    os.utime(self.files.model)
                 return stored
             if self.files.model.exists():
                 shutil.rmtree(self.files.path, ignore_errors=True)
@@ -83,6 +84,8 @@ class Cache:
         cached = None if renews else self.files.read()
         if cached is None or cached[1]["extent"] != extent_of(structure):
             self.files.copy_from(of_run)
+            if renews:
+                self.files.columns.path.unlink(missing_ok=True)
             make_room(self.path, self.entry)
 
     def share_columns(self, journal: Path) -> str:

@@ -22,6 +22,7 @@ from ..library.settings import reduction_settings
 from ..mesh.data import ContactPairs
 from ..mesh.pairing import pair_contacts
 from ..mesh.read import read_mesh
+from ..messages.errors import CaseError, ResourceError
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..reduction.choose_modes import choose_modes
@@ -33,6 +34,7 @@ from .stored_structure import Large, StoredStructure, extent_of
 from .structure_arrays import basis_of, numbers_of
 
 _WHY = "modes: "  # start of the note that gives the reason for the number of modes
+_OF_SECTOR = "factor"  # start of the note on the factor that all nodal diameters share, which a restored one does without
 _LIMITS = ("mu", "N0", "law_columns/mu_y", "law_columns/start")  # columns of pairs that the stuck structure does not depend on
 
 
@@ -74,7 +76,7 @@ class SetUp:
             return structure
         before = len(self.log.notes)
         structure = build()
-        self._notes = self.log.notes[before:]
+        self._notes = [note for note in self.log.notes[before:] if not (self.of_group and note.startswith(_OF_SECTOR))]
         return structure
 
     def _restored(self) -> Structure | None:
@@ -82,7 +84,7 @@ class SetUp:
         stored = on_root(self.comm, self.files.read)
         if stored is None:
             return None
-        with self.log.stage(f"{self.name} is that of this folder"):
+        with self.log.stage("structure from this folder"):
             structure = checked_read(self.path, self._structure_of, self.files, stored)
             basis = checked_read(self.path, basis_of, *stored)
             if basis is not None:
@@ -91,8 +93,7 @@ class SetUp:
                 self.cache.files.columns.restore(structure.statics.G_static, is_known=False)
             self.files.columns.restore(structure.statics.G_static, is_known=True)
         self._notes = stored[1]["notes"]
-        for note in self._notes:
-            self.log.note(note)
+        self._repeat_notes("that of this folder")
         self._follow(structure, basis)
         return structure
 
@@ -111,9 +112,14 @@ class SetUp:
             structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(self.scene))
         self._notes = [*(note for note in texts["notes"] if not note.startswith(_WHY)), why]
         self._modes = cache.files.path / texts["modes"]
-        for note in (f"{self.name} is that of an earlier run, in {cache.files.path}", *self._notes):
-            self.log.note(note)
+        self._repeat_notes(f"that of an earlier run, in {cache.files.path}")
         return structure
+
+    def _repeat_notes(self, origin: str) -> None:
+        """Log the origin of the structure and its notes, but none that another nodal diameter has logged.  Local."""
+        for note in (f"{self.name} is {origin}", *self._notes):
+            if note not in self.log.notes:
+                self.log.note(note)
 
     def _structure_of(self, files: StoredStructure, stored: tuple[Arrays, dict[str, Any]]) -> Structure:
         return replace(files.structure(stored, self.scene, self.log, self.large), **self.of_group)
@@ -140,7 +146,11 @@ class SetUp:
         assert self._stored is not None, "a structure that was stored"
         structure, basis, extent = self._stored
         if structure.factored.value is not None and extent_of(structure) != extent:
-            self._write(structure, basis)
+            try:
+                self._write(structure, basis)
+            except (CaseError, ResourceError) as problem:
+                return f"the set-up of this folder does not get the data computed since: {problem}"
+            self._stored = structure, basis, extent_of(structure)
         return "" if self.cache is None else self.cache.share_columns(self.files.columns.path)
 
     def part(self, folder: str, name: str, large: Large, of_group: Mapping[str, Any]) -> SetUp:

@@ -105,7 +105,7 @@ def _write_fields(file: h5py.File, fields: Fields) -> None:
 
 
 def _write_motion(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
-    """Write the motion of the nodes uncompressed: compression saves a fifth of the size and takes ten times as long."""
+    """Write the motion of the nodes uncompressed: compression saves at most a quarter and takes ten times as long."""
     dataset = file.create_dataset(name, data=values.astype("f4", copy=False))
     dataset.attrs["unit"] = unit
 
