@@ -88,6 +88,8 @@ def test_a_run_that_lost_its_last_files_continues_with_the_same_numbers(shared_p
     continued, same, log = run(program, scene, folder)
     assert "continues from the checkpoints in" in log and "has no set-up yet" not in log
     assert "nodal diameter 1: the structure is that of this folder" in log and "factor of the stuck structure" not in log
+    notes = [line for line in log.splitlines() if line.startswith(("cyclic", "nodal diameter", "modes", "factor"))]
+    assert notes and len(set(notes)) == len(notes) and not any(note.startswith("factor") for note in notes)
     np.testing.assert_array_equal(continued, at)
     np.testing.assert_array_equal(same, response)
 
