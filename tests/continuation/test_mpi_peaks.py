@@ -208,6 +208,26 @@ def test_a_maximum_before_an_antiresonance_is_listed_where_amplitudes_of_points_
     assert len(peaks_of(problem, curve, 1e-9)) == 2, "a branch that goes back on itself has each peak once"
 
 
+@pytest.mark.parametrize(("level", "slipping"), [(0.01, 0), (4.0, 1)], ids=["stuck", "slipping"])
+@pytest.mark.parametrize("down", [False, True], ids=["up", "down"])
+def test_a_maximum_and_a_minimum_within_one_step_are_listed_by_the_slopes_at_its_ends(level, slipping, down):
+    """The curve rises from point to point over the lower peak and the antiresonance, and at both of these points."""
+    curve, of_curve = peaks_at(level, down)
+    low, high = sorted(of_curve, key=lambda peak: peak.omega)
+    before = [point for point in curve.points if point.omega < 0.98 * low.omega]
+    last = max(before, key=lambda point: point.omega)
+    behind = [point for point in curve.points if point.omega > 1.3 * low.omega and amplitude(point) > amplitude(last)]
+    behind = [point for point in behind if point.omega < high.omega or amplitude(point) > 0.1 * abs(high.amplitude)]
+    assert amplitude(min(behind, key=lambda point: point.omega)) < 0.95 * abs(low.amplitude)
+    curve.points = [*behind, *before] if down else [*before, *behind]
+    assert len(list(maxima(curve))) == 1
+    listed = peaks_of(forced(*reduced(two_masses(), COMM, 3), 128, level), curve, 1e-9)
+    for peak, of in zip(sorted(listed, key=lambda peak: peak.omega), (low, high), strict=True):
+        assert peak.omega == pytest.approx(of.omega, rel=1e-6)
+        assert abs(peak.amplitude) == pytest.approx(abs(of.amplitude), rel=1e-8)
+    assert low.slipping == slipping
+
+
 def test_a_maximum_is_a_solution_where_the_guess_is_none(forward):
     """At the frequency of the linear peak, between two points, from twice the linear motion, under which the pair slips."""
     level = 123.024

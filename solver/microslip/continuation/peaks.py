@@ -29,7 +29,7 @@ from .follow import Emit, follow_branch
 from .iterate import Iterate, interpolate
 from .maximum import EXACT, Maximum
 from .maximum_by_phase import MaximumByPhase
-from .outputs import outputs_at
+from .outputs import output_at, outputs_at
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, KnownCurve, LinearResponse, ProblemBase
 from .steps import ArcLength, LinearCurve
@@ -42,6 +42,7 @@ MOST_POINTS = 1000
 ASIDE, FARTHER = 1e-3, 0.05  # half-power widths to both sides of a peak, where derivatives are taken: of its size; of its place
 TURNED = 0.25 * np.pi  # rad, of the motion of pairs over the half-power width of a peak of the mode that moves them
 SAME, SAME_MOTION = 1e-5, 1e-2  # of frequency and amplitude, and of the motion, by which one peak may differ from itself
+SHARES_OF_STEP = tuple(0.5**k for k in range(8, 0, -1))  # to solutions between its ends
 MANY_SAMPLES = 1024  # from which the error of the place, of second order in that distance, is above that of the corners
 FARTHER_BY = 50.0 ** (1.0 / 3.0)  # from one to the other, so that each solution leads to the next
 
@@ -255,7 +256,7 @@ def peak_about(
     harmonics = harmonics_of(branch, point, problem.equation.harmonics)
     equation = equation_at(point, problem.equation, harmonics)
     before, start, after = (iterate_of(branch.points[k], problem, harmonics) for k in (top.between[0], top.point, top.between[1]))
-    solved = start
+    solved, ends = start, [float(np.hypot(*branch.points[k].response[output, 1:3])) for k in top.between]
     if top.omega is not None:
         start = replace(start, U=equation.linear_motion(problem.at((top.omega,))), parameters=(top.omega,))
     around = [there.parameter for there in (before, start, after)]
@@ -263,6 +264,11 @@ def peak_about(
     try:
         sweep = Sweep(point.omega, point.omega + within)
         solver = PointSolver(problem.with_equation(equation), AllPairs(), sweep, tolerance, workspace)
+        if top.is_hidden and top.point == top.between[int(np.argmin(ends))]:  # the curve rises from it into the step
+            row = climbed(solver, output, start, after if top.point == top.between[0] else before)
+            if row is None:
+                return None
+            before, start, after = row
         scaling = solver.scaling(solver.norm(start.U) or 1.0, solver.force(start, every))
         system = BorderedSystem(solver.problem, (), scaling, every)
         corrector = workspace.corrector(equation, solver.resolution)
@@ -270,7 +276,6 @@ def peak_about(
         there, newton, within = (solved, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
         forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
         amplitude = complex(outputs_at(equation, at, forces)[output])
-        ends = [float(np.hypot(*branch.points[k].response[output, 1:3])) for k in top.between]
         is_higher = equation.comm.bcast(abs(amplitude) > (1.0 + tolerance) * max(ends))
         if top.is_hidden and (solution.failure or not is_higher):
             return None
@@ -280,6 +285,26 @@ def peak_about(
         workspace.destroy()
     slipping = int(np.count_nonzero(equation.gather(forces.state) != STICK))
     return Peak(output, at.omega, amplitude, width, within, slipping, newton, point.segment, *derivatives), there
+
+
+def climbed(solver: PointSolver, output: int, here: Iterate, other: Iterate) -> list[Iterate] | None:
+    """Return the last three of solutions from one towards another, of which the output is highest at the second.  Collective.
+
+    At fixed frequencies, each twice as far as the one before.  None without them.
+    """
+    problem, equation, every = solver.problem, solver.equation, solver.equation.every_pair
+    size, force, sizes, row = solver.norm(here.U) or 1.0, solver.force(here, every), list[float](), [here]
+    for share in SHARES_OF_STEP:
+        omega = here.parameter + share * (other.parameter - here.parameter)
+        guess = interpolate(row[-2], row[-1], omega) if len(row) > 1 else replace(here, parameters=(omega,))
+        solution, _ = solver.solve_at(guess, size, every, force)
+        if solution.failure:
+            return None
+        row.append(solution.iterate)
+        sizes = [abs(output_at(equation, problem.at(there.parameters), there.U, every, output)) for there in row[-3:]]
+        if len(row) > 2 and sizes[0] < sizes[1] > sizes[2]:
+            return row[-3:]
+    return None
 
 
 def about_a_peak(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import KroghInterpolator
+from scipy.interpolate import CubicHermiteSpline, KroghInterpolator
 
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..parallel.agree import on_root
@@ -18,7 +18,8 @@ from .output_rates import output_rates
 from .problems import ForcedResponse
 from .steps import LinearCurve
 
-LEAST_CHANGE = 1e-3  # of the logarithm of an amplitude over half of the way between its neighbours, below which corners decide
+LEAST_CHANGE = 1e-3  # of the logarithm of an amplitude, below which corners decide: over half of the way between its neighbours;
+# of the maximum of a cubic within a step
 MARGIN = 2.0  # times the difference of the parabolas, above which the sign of their slope is certain
 UNIT = 1e-3  # of the frequency, the unit of derivatives by it
 TINY = 1e-300  # m2
@@ -83,10 +84,12 @@ def hidden(problem: ForcedResponse, branch: Branch, curve: LinearCurve | None) -
     """Return the maxima between two consecutive points that only slopes show, not the amplitudes of points.  Collective.
 
     If an output falls at a point that is higher than the previous one, a maximum is before the point; if it rises at a point that
-    is higher than the next one, a maximum is behind it.
+    is higher than the next one, a maximum is behind it.  The cubic by the amplitudes and slopes at both ends of a step may have a
+    maximum that is higher than both; such a top has the lower end as its point.
     """
     comm, tops = problem.equation.comm, []
     open_points = on_root(comm, undecided, branch, curve is not None)
+    open_steps = on_root(comm, undecided_steps, branch, curve is not None)
     forward = AdjointSolver(comm)
     try:
         for i, way, trends in open_points:
@@ -94,6 +97,12 @@ def hidden(problem: ForcedResponse, branch: Branch, curve: LinearCurve | None) -
             for (output, trend), change in zip(trends.items(), changes):
                 if change * trend < -LEAST_CHANGE:
                     tops.append(Top(output, (i - 1, i) if trend > 0.0 else (i, i + 1), i))
+        for i, outputs in open_steps:
+            sizes = log_sizes(outputs_of(branch)[i : i + 2, outputs])
+            slopes = np.array([slopes_at(problem, branch, k, outputs, forward) for k in (i, i + 1)])
+            has_top = exceeds_ends(np.array([point.omega for point in branch.points[i : i + 2]]), sizes, slopes)
+            lower = i + np.argmin(sizes, axis=0)
+            tops += [Top(output, (i, i + 1), int(low)) for output, low, is_top in zip(outputs, lower, has_top) if is_top]
     finally:
         forward.destroy()
     return tops
@@ -109,9 +118,8 @@ def undecided(branch: Branch, has_linear: bool) -> list[tuple[int, float, dict[i
     points = branch.points
     if len(points) < 3:
         return []
-    a = np.array([point.response[:, 1] - 1j * point.response[:, 2] for point in points])  # (n_points, n_outputs)
-    omega, s = np.array([point.omega for point in points]), arc_of(branch)
-    cases = []
+    a, s = outputs_of(branch), arc_of(branch)
+    omega, cases = np.array([point.omega for point in points]), []
     for i in range(len(points)):
         near = [k for k in range(i - 1, i + 2) if 0 <= k < len(points) and points[k].segment == points[i].segment]
         steps = np.diff(omega[near])
@@ -127,6 +135,50 @@ def undecided(branch: Branch, has_linear: bool) -> list[tuple[int, float, dict[i
         if trends:
             cases.append((i, 0.5 * float(omega[near[-1]] - omega[near[0]]), trends))
     return cases
+
+
+def undecided_steps(branch: Branch, has_linear: bool) -> list[tuple[int, list[int]]]:
+    """Return the first points of steps, and outputs, that may have a maximum and a minimum within the step.  Local, on rank 0.
+
+    By the cubic over the arc length with the largest slopes of parabolas at both ends, times ``MARGIN``.  The frequency does not
+    turn back at or next to these steps.  Without those between points at which all pairs stick, with ``has_linear``.
+    """
+    points = branch.points
+    if len(points) < 4:
+        return []
+    a, s = outputs_of(branch), arc_of(branch)
+    omega, sizes, cases = np.array([point.omega for point in points]), log_sizes(a), []
+    for i in range(1, len(points) - 2):
+        steps, is_stuck = np.diff(omega[i - 1 : i + 3]), sticks(points[i]) and sticks(points[i + 1])
+        if (has_linear and is_stuck) or steps.min() * steps.max() <= 0.0 or points[i - 1].segment != points[i + 2].segment:
+            continue
+        ends, way = [i, i + 1], np.sign(sizes[i + 1] - sizes[i])
+        rates = [slopes_of_parabolas(s, a, k, points) * way for k in ends]
+        if all(map(len, rates)):
+            slopes = MARGIN * way * np.array([rate.max(axis=0) for rate in rates]) / np.maximum(np.abs(a[ends]) ** 2, TINY)
+            outputs = np.flatnonzero(exceeds_ends(s[ends], sizes[ends], slopes))
+            cases += [(i, list(map(int, outputs)))] if len(outputs) else []
+    return cases
+
+
+def exceeds_ends(x: np.ndarray, y: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Return where a cubic by values and slopes (2, n) at both x, slopes with the sign of the chord, is above both values.
+
+    Local.  It then has a maximum and a minimum between them.
+    """
+    order = np.argsort(x)
+    above = CubicHermiteSpline(x[order], y[order], slopes[order])(np.linspace(x[0], x[1], 33)).max(axis=0) - y.max(axis=0)
+    return (above > LEAST_CHANGE) & (slopes * (y[1] - y[0]) / (x[1] - x[0]) > 0.0).all(axis=0)
+
+
+def outputs_of(branch: Branch) -> np.ndarray:
+    """Return the first harmonics of the outputs at the points, (n_points, n_outputs).  Local."""
+    return np.array([point.response[:, 1] - 1j * point.response[:, 2] for point in branch.points])
+
+
+def log_sizes(a: np.ndarray) -> np.ndarray:
+    """Return ln |a|, bounded where an output is at rest.  Local."""
+    return np.log(np.maximum(np.abs(a), TINY))
 
 
 def arc_of(branch: Branch) -> np.ndarray:
