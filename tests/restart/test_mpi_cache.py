@@ -22,6 +22,7 @@ from microslip.parallel.agree import on_root
 from microslip.restart import cache
 from microslip.restart.folder import Restart
 from microslip.restart.identity import identity_of
+from microslip.restart.stored_structure import StoredStructure
 from microslip.results.read import read_results
 from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene, scene_of
@@ -412,6 +413,19 @@ def test_a_set_up_of_a_disc_is_used_where_one_of_its_nodal_diameters_is(tmp_path
         os.utime(model, (1e9 + used, 1e9 + used))
     cache.make_room(tmp_path, tmp_path / f"setup-{24 * 'c'}")
     assert sorted(path.name[-1] for path in tmp_path.iterdir()) == ["a", "c"]
+
+
+@pytest.mark.ranks(1)
+def test_an_entry_that_another_run_replaces_between_two_reads_is_used(tmp_path, monkeypatch):
+    entry = cache.Cache(COMM, tmp_path, 24 * "a")
+    entry.entry.mkdir()
+    (entry.entry / "modes-new").touch()
+    states = [({}, {"modes": "modes-old"}), ({}, {"modes": "modes-new"})]
+    entry.files.model.touch()
+    monkeypatch.setattr(StoredStructure, "read", lambda files: states.pop(0))
+    assert entry.read()[1] == {"modes": "modes-new"} and entry.files.model.is_file()
+    states = 2 * [({}, {"modes": "modes-lost"})]
+    assert entry.read() is None and not entry.entry.exists()
 
 
 @pytest.mark.ranks(1)

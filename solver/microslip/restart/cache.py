@@ -67,11 +67,12 @@ class Cache:
     def read(self) -> tuple[Arrays, dict[str, Any]] | None:
         """Return the stored arrays and texts and mark them as used now; remove a damaged structure.  Rank 0."""
         with suppress(OSError):
-            stored = self.files.read()
-            if stored is not None and (self.files.path / stored[1]["modes"]).is_file():
-                with suppress(OSError):  # of another owner
-                    os.utime(self.files.model)
-                return stored
+            for _ in range(2):  # another run may replace the model and its modes between the two reads
+                stored = self.files.read()
+                if stored is not None and (self.files.path / stored[1]["modes"]).is_file():
+                    with suppress(OSError):  # of another owner
+                        os.utime(self.files.model)
+                    return stored
             if self.files.model.exists():
                 shutil.rmtree(self.files.path, ignore_errors=True)
         return None
