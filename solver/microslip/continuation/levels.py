@@ -19,7 +19,7 @@ from ..messages.errors import CaseError
 from ..messages.words import counted
 from ..points.band import frequency_band
 from ..points.bifurcation import Bifurcation
-from ..points.branch import Branch, Point
+from ..points.branch import SEGMENTS, SHORT_STEPS, SHORTER, Branch, Point
 from ..points.peak import Peak
 from ..points.selection import AllPairs, Selection
 from ..points.sweep import Sweep
@@ -259,7 +259,8 @@ def follow_level(
     """Return the branch of one level [N], with error bars if there is an enriched model, and peaks if requested.  Collective.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
-    Newton does not pass in one direction, are often on one side only.
+    Newton does not pass in one direction, are often on one side only.  If that ends early, too, it is followed with shorter steps
+    from the start: a long step may have led to another part of the curve.
     """
     return with_peaks(of, whole_branch(of, level, on_point, checkpointers), checkpointers)
 
@@ -282,12 +283,15 @@ def with_peaks(of: ResponseProblem, branch: Branch, checkpointers: Checkpointers
 
 
 def whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers) -> Branch:
-    """Return the branch of a level, of two segments where the first ends early.  Collective."""
+    """Return the branch of a level, of two or three segments where those before end early.  Collective."""
     branch = _segment(of, level, on_point, checkpointers)
-    if branch.failure is None or of.model.harmonics.is_constant or len(branch.points) >= most_points(of.settings.points):
-        return branch
-    other = _segment(replace(of, sweep=of.sweep.reverse), level, on_point, checkpointers, segment=1)
-    return branch.with_segment_from_the_other_end(other)
+    has_first, segments = bool(branch.points), {1: replace(of, sweep=of.sweep.reverse), SHORT_STEPS: of}
+    for number, again in segments.items():
+        has_room = len(branch.points) < most_points(of.settings.points)
+        if branch.failure is None or of.model.harmonics.is_constant or not has_room or (again is of and not has_first):
+            break
+        branch = branch.with_segment(_segment(again, level, on_point, checkpointers, number), SEGMENTS[number])
+    return branch
 
 
 def _segment(
@@ -304,7 +308,9 @@ def _follow_one_way(
     """Follow a level in one direction, with the requested accuracy; without pairs nothing is solved.  Collective."""
     task, n_points = task_of(of, level), of.settings.points
     if of.model.n_pairs > 0:
-        return follow_branch(task, most_points(n_points), on_point, segment, checkpointer)
+        shares = SHORTER if segment == SHORT_STEPS else 1
+        task = replace(task, steps=task.steps.divided(shares))
+        return follow_branch(task, most_points(shares * n_points), on_point, segment, checkpointer)
     if task.problem.is_constant:
         task, n_points = replace(task, sweep=replace(of.sweep, at=())), 1
     branch = linear_branch(task, of.curve, n_points, on_point)

@@ -13,7 +13,7 @@ from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import LawParameter, OperatingPoint
 from ..messages.errors import CaseError
-from ..points.branch import Branch, Point
+from ..points.branch import SEGMENTS, Branch, Point
 from ..points.peak import Peak
 from ..points.sweep import Sweep
 from ..receptance.motions import linear_motion, output_motion
@@ -221,7 +221,7 @@ def tops_at_begin(of: ResponseProblem, request: PeakRequest) -> list[tuple[float
     branch = follow_branch(task, most_points(of.settings.points))
     if branch.failure is not None:
         back = follow_branch(replace(task, sweep=task.sweep.reverse), most_points(of.settings.points), segment=1)
-        branch = branch.with_segment_from_the_other_end(back)
+        branch = branch.with_segment(back, SEGMENTS[1])
     points = [branch.points[i] for output, i in maxima(branch) if output == request.output]
     motions = [iterate_of(point, problem, harmonics_of(branch, point, equation.harmonics)) for point in points]
     tops = [

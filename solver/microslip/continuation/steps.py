@@ -10,7 +10,7 @@ resolved equally at every level and height, and a straight flank costs few point
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +49,10 @@ class ArcLength:
         # the curve alone never needs less than ds: that length already resolves the linear resonance
         smallest = self.ds if by_newton >= 1.0 else self.ds_min
         return min(max(ds * factor, min(smallest, 1.5 * ds)), self.ds_max)
+
+    def divided(self, number: int) -> ArcLength:
+        """Return steps whose lengths are divided by a number.  Local."""
+        return replace(self, ds=self.ds / number, ds_min=self.ds_min / number, ds_max=self.ds_max / number)
 
     def stretched(self, ds: float, newton: int, turn: float, stretch: float) -> float:
         """Return the length of the next step, ``stretch`` times the last one as far as turn and Newton's iterations allow."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..contact.law import OPEN, SLIP
 from ..messages.words import counted
-from ..points.branch import Branch, Point
+from ..points.branch import SEGMENTS, Branch, Point
 from ..points.multipliers import is_stable
 from ..points.sweep import Sweep
 from ..results.measures import AMPLITUDE, Shown, counts
@@ -141,8 +141,11 @@ def remarks(branch: Branch) -> list[str]:
     if branch.is_linear:
         lines.append("  no pair leaves sticking anywhere on its linear curve: scaled, not solved")
     if branch.broken:
-        both, ends = branch.points[0].segment == 0, "followed from the other end of the range"
-        lines.append(f"  {f'in two segments: {ends} as well' if both else ends}, since {branch.broken}")
+        numbers = sorted({point.segment for point in branch.points})
+        followed = f"followed {' and '.join(SEGMENTS[number] for number in numbers if number)}"
+        if 0 in numbers:
+            followed = f"in {'two' if len(numbers) == 2 else 'three'} segments: {followed} as well"
+        lines.append(f"  {followed}, since {branch.broken}")
     if branch.failure:
         lines.append(f"  stopped early: {branch.failure}")
     return lines

@@ -45,8 +45,10 @@ _BARS = (_BAR, *(Column(f"error_{part}_m", _SHARE, itemgetter(i), 4) for i, part
 
 _UNKNOWNS = "size of the method's reduced model at this point"
 _NEWTON = "Newton iterations; 0 where the predictor is the solution, as on the linear part"
-_ENDS = "0 from the start, 1 from the other end of the range"
-_SEGMENT = f"{_ENDS}, where the first ended early"
+SEGMENTS = {1: "from the other end of the range", 2: "with steps a quarter as long"}
+SHORT_STEPS, SHORTER = 2, 4  # the segment with shorter steps, and how many times shorter they are
+_WAYS = f"0 from the start, 1 {SEGMENTS[1]}, 2 from the start {SEGMENTS[2]}"
+_SEGMENT = f"{_WAYS}; 1 and 2 where those before ended early"
 _HARMONICS = "the highest that it was solved with; arrays are as wide as the most, with zeros"
 _COS_SIN = "cosine and sine of harmonic 1 with the correction computed with the error bar"
 _PARTS = "parts of the error bar, in the order of the attribute `parts`"
@@ -93,7 +95,7 @@ class Point:
         bool, Quantity("requested", "", "1", "1 where the frequency is one of [response] `at`", "u1", earlier="asked")
     ] = False
     error: Annotated[np.ndarray | None, Quantity("error_m", "outputs parts", "m", _PARTS, columns=_BARS)] = None
-    segment: Annotated[int, number("segment", _ENDS, _SEGMENT, "u1")] = 0
+    segment: Annotated[int, number("segment", _WAYS, _SEGMENT, "u1")] = 0
     notes: Annotated[tuple[str, ...], Quantity("notes", "", "1", "notes on the point", TEXT, stored="; ".join)] = ()
     corrected: Annotated[
         np.ndarray | None, Quantity("corrected", "outputs quadratures", "m", _COS_SIN, columns=_OF_CORRECTED)
@@ -120,7 +122,7 @@ CLOSES_TO = 1e-6  # closure of the energy balance beyond which a point deserves 
 
 @dataclass
 class Branch:
-    """The points of one level, in the order of the branch; of both segments where it was followed from both ends."""
+    """The points of one level, in the order of the branch, segment by segment where it was followed more than once."""
 
     level: float  # N
     points: list[Point] = field(default_factory=list)
@@ -128,7 +130,7 @@ class Branch:
     is_linear: bool = False  # no pair leaves sticking: the linear response at this level, nothing was solved
     closes_to: float = CLOSES_TO  # of the energy balance, by the tolerance of its points
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
-    broken: str | None = None  # why its first segment ends early, where a second one completes it
+    broken: str | None = None  # why its segments end early, where the last one completes it
     solver: str = ""  # name of the solver of Newton's method; "" without a solve
     bifurcations: list[Bifurcation] | None = None  # where stability changes, and folds; None without multipliers
     peaks: list[Peak] | None = None  # maxima of the outputs, each solved for; None where they are not
@@ -148,9 +150,9 @@ class Branch:
         top = self.peak if self.points else -1
         return [point if i == top else replace(point, U=NOTHING, p=NOTHING) for i, point in enumerate(self.points)]
 
-    def with_segment_from_the_other_end(self, other: Branch) -> Branch:
-        """Return the branch, which ended early, joined with the one from the other end of the range."""
-        failure = other.failure and f"{self.failure}; and from the other end of the range: {other.failure}"
+    def with_segment(self, other: Branch, way: str) -> Branch:
+        """Return the branch, which ended early, joined with one that was followed in another ``way``."""
+        failure = other.failure and f"{self.failure}; and {way}: {other.failure}"
         return replace(
             self, points=self.points + other.points, failure=failure, is_linear=False, broken=None if failure else self.failure
         )
