@@ -11,24 +11,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from blocks import KINDS, Body, box, jacobian_minimum, join
-from generator import generate, says
+from generator import generate, option
 
 
 @dataclass(frozen=True)
 class BlockOnGround:
     """Lengths in m, and numbers of cells."""
 
-    length: float = says(0.100, "of the block, along x")
-    width: float = says(0.040, "of block and mast, along y")
-    height: float = says(0.020, "of the block")
-    mast: float = says(0.008, "thickness of the mast, along x")
-    mast_height: float = says(0.070, "of the mast above the block")
-    kind: str = says("hex20", "hex20 or hex8; the other solid kinds work too", KINDS)
-    n_shoulder: int = says(3, "cells along the block on each side of the mast")
-    n_mast: int = says(2, "cells through the mast")
-    n_width: int = says(2, "cells across")
-    n_height: int = says(2, "cells up the block")
-    n_up: int = says(6, "cells up the mast")
+    length: float = option(0.100, "of the block, along x")
+    width: float = option(0.040, "of block and mast, along y")
+    height: float = option(0.020, "of the block")
+    mast: float = option(0.008, "thickness of the mast, along x")
+    mast_height: float = option(0.070, "of the mast above the block")
+    kind: str = option("hex20", "hex20 or hex8; the other solid kinds work too", KINDS)
+    n_shoulder: int = option(3, "cells along the block on each side of the mast")
+    n_mast: int = option(2, "cells through the mast")
+    n_width: int = option(2, "cells across")
+    n_height: int = option(2, "cells up the block")
+    n_up: int = option(6, "cells up the mast")
 
 
 def block_on_ground(given: BlockOnGround) -> dict[str, Body]:

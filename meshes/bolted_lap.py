@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from blocks import Body, block, box, jacobian_minimum, join
-from generator import generate, says
+from generator import generate, option
 
 KINDS = ("hex8", "hex20")
 
@@ -26,27 +26,27 @@ KINDS = ("hex8", "hex20")
 class BoltedLap:
     """Lengths in m, and numbers of cells."""
 
-    length: float = says(0.120, "of each plate")
-    width: float = says(0.020, "of the plates")
-    thickness: float = says(0.005, "of each plate")
-    bolts: int = says(3, "number of bolts")
-    pitch: float = says(0.020, "from bolt to bolt; the lap is as many of them long as there are bolts")
-    hole: float = says(0.0066, "diameter of the holes")
-    shank: float = says(0.006, "diameter of the bolts")
-    head: float = says(0.010, "diameter of heads and nuts")
-    head_height: float = says(0.004, "of heads and nuts")
-    kind: str = says("hex8", "hex8 or hex20", KINDS)
-    around_1: int = says(3, "cells around a quarter of a hole and across the width, plate_1")
-    around_2: int = says(4, "the same, plate_2")
-    radial_1: int = says(2, "cells from a hole outwards, plate_1")
-    radial_2: int = says(4, "the same, plate_2")
-    through_1: int = says(2, "cells through plate_1")
-    through_2: int = says(3, "cells through plate_2")
-    along_1: int = says(10, "cells along plate_1 outside the lap")
-    along_2: int = says(12, "the same, plate_2")
-    bolt_around: int = says(4, "cells around a quarter of a bolt")
-    bolt_through: int = says(2, "cells along half a shank, and through a head")
-    matching: int = says(0, "1 or 2: both plates have the numbers of that one, and the nodes of the lap coincide", (0, 1, 2))
+    length: float = option(0.120, "of each plate")
+    width: float = option(0.020, "of the plates")
+    thickness: float = option(0.005, "of each plate")
+    bolts: int = option(3, "number of bolts")
+    pitch: float = option(0.020, "from bolt to bolt; the lap is as many of them long as there are bolts")
+    hole: float = option(0.0066, "diameter of the holes")
+    shank: float = option(0.006, "diameter of the bolts")
+    head: float = option(0.010, "diameter of heads and nuts")
+    head_height: float = option(0.004, "of heads and nuts")
+    kind: str = option("hex8", "hex8 or hex20", KINDS)
+    around_1: int = option(3, "cells around a quarter of a hole and across the width, plate_1")
+    around_2: int = option(4, "the same, plate_2")
+    radial_1: int = option(2, "cells from a hole outwards, plate_1")
+    radial_2: int = option(4, "the same, plate_2")
+    through_1: int = option(2, "cells through plate_1")
+    through_2: int = option(3, "cells through plate_2")
+    along_1: int = option(10, "cells along plate_1 outside the lap")
+    along_2: int = option(12, "the same, plate_2")
+    bolt_around: int = option(4, "cells around a quarter of a bolt")
+    bolt_through: int = option(2, "cells along half a shank, and through a head")
+    matching: int = option(0, "1 or 2: both plates have the numbers of that one, and the nodes of the lap coincide", (0, 1, 2))
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _rectangle(half):
 
 def main(arguments=None) -> None:
     """Write the requested mesh and print a summary."""
-    generate(__doc__, BoltedLap, bolted_lap, lambda asked: [("lap_1", "lap_2")] if asked.matching else [], arguments=arguments)
+    generate(__doc__, BoltedLap, bolted_lap, lambda lap: [("lap_1", "lap_2")] if lap.matching else [], arguments=arguments)
 
 
 if __name__ == "__main__":

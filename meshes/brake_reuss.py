@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from blocks import Body, box, jacobian_minimum, join
 from bolted_lap import _Cells, _circle, _rectangle, _ring
-from generator import add_options, named, parser_of, says
+from generator import add_options, named, option, parser_of
 
 TYPES = {"hex8": "C3D8I", "hex20": "C3D20"}
 # Faces S1, S2, ... of a hexahedron by its corners.
@@ -72,22 +72,22 @@ LAP_LOWER, LAP_UPPER
 class BrakeReuss:
     """Lengths in mm, and numbers of cells."""
 
-    length: float = says(420.0, "of each half")
-    lap: float = says(120.0, "of the lap, three bolts long")
-    width: float = says(25.0, "and height of the beam")
-    hole: float = says(8.6, "diameter of the holes")
-    shank: float = says(8.0, "diameter of the bolts")
-    head: float = says(13.0, "diameter of heads and nuts")
-    washer: float = says(16.0, "diameter of the washers")
-    head_height: float = says(5.3, "of the heads")
-    nut_height: float = says(6.5, "of the nuts")
-    washer_height: float = says(1.6, "of the washers")
-    clamping: float = says(9000.0, "force in N to which the bolts are tightened")
-    kind: str = says("hex8", "hex8 or hex20", tuple(TYPES))
-    around: int = says(3, "cells around a quarter of a hole and across the width")
-    radial: int = says(3, "cells from a hole outwards")
-    through: int = says(2, "cells through half the beam")
-    along: int = says(24, "cells along a half outside the lap")
+    length: float = option(420.0, "of each half")
+    lap: float = option(120.0, "of the lap, three bolts long")
+    width: float = option(25.0, "and height of the beam")
+    hole: float = option(8.6, "diameter of the holes")
+    shank: float = option(8.0, "diameter of the bolts")
+    head: float = option(13.0, "diameter of heads and nuts")
+    washer: float = option(16.0, "diameter of the washers")
+    head_height: float = option(5.3, "of the heads")
+    nut_height: float = option(6.5, "of the nuts")
+    washer_height: float = option(1.6, "of the washers")
+    clamping: float = option(9000.0, "force in N to which the bolts are tightened")
+    kind: str = option("hex8", "hex8 or hex20", tuple(TYPES))
+    around: int = option(3, "cells around a quarter of a hole and across the width")
+    radial: int = option(3, "cells from a hole outwards")
+    through: int = option(2, "cells through half the beam")
+    along: int = option(24, "cells along a half outside the lap")
 
 
 def parts(beam: BrakeReuss) -> dict[str, Body]:

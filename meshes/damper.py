@@ -14,37 +14,37 @@ from dataclasses import dataclass
 
 import numpy as np
 from blocks import KINDS, Body, block, jacobian_minimum, join
-from generator import generate, says
+from generator import generate, option
 
 
 @dataclass(frozen=True)
 class Damper:
     """Lengths in m, angles in degrees, and numbers of cells."""
 
-    root_radius: float = says(0.270, "from the engine's axis to the held roots")
-    ridge_radius: float = says(0.300, "to the ridge of the roof, where the undersides would meet")
-    tip_radius: float = says(0.410, "to the tips of the blades")
-    n_blades: int = says(60, "on the whole circumference")
-    chord: float = says(0.040, "of shank, platform and aerofoil, along the axis")
-    shank: float = says(0.010, "thickness of the shank")
-    tip: float = says(0.003, "thickness of the tip; the aerofoil tapers to it")
-    platform: float = says(0.004, "thickness of the platforms at their edges")
-    gap: float = says(0.002, "between the two platforms")
-    flank_angle: float = says(45.0, "of the undersides, from the circumference")
-    damper_top: float = says(0.004, "width of the damper at its top")
-    damper_bottom: float = says(0.016, "width of the damper at its bottom")
-    damper_length: float = says(0.030, "along the axis")
-    kind: str = says("hex20", "of the blades", KINDS)
-    damper_kind: str = says("hex8", "of the damper", KINDS)
-    n_chord: int = says(4, "cells of a blade along the axis")
-    n_shank: int = says(4, "cells along the shank")
-    n_thick: int = says(2, "cells through shank and aerofoil")
-    n_platform: int = says(3, "cells of a platform from the shank to its edge")
-    n_height: int = says(2, "cells through a platform")
-    n_aerofoil: int = says(8, "cells along the aerofoil")
-    n_damper: int = says(3, "cells of the damper from flank to flank")
-    n_flank: int = says(2, "cells up a flank of the damper")
-    n_length: int = says(4, "cells along the damper")
+    root_radius: float = option(0.270, "from the engine's axis to the held roots")
+    ridge_radius: float = option(0.300, "to the ridge of the roof, where the undersides would meet")
+    tip_radius: float = option(0.410, "to the tips of the blades")
+    n_blades: int = option(60, "on the whole circumference")
+    chord: float = option(0.040, "of shank, platform and aerofoil, along the axis")
+    shank: float = option(0.010, "thickness of the shank")
+    tip: float = option(0.003, "thickness of the tip; the aerofoil tapers to it")
+    platform: float = option(0.004, "thickness of the platforms at their edges")
+    gap: float = option(0.002, "between the two platforms")
+    flank_angle: float = option(45.0, "of the undersides, from the circumference")
+    damper_top: float = option(0.004, "width of the damper at its top")
+    damper_bottom: float = option(0.016, "width of the damper at its bottom")
+    damper_length: float = option(0.030, "along the axis")
+    kind: str = option("hex20", "of the blades", KINDS)
+    damper_kind: str = option("hex8", "of the damper", KINDS)
+    n_chord: int = option(4, "cells of a blade along the axis")
+    n_shank: int = option(4, "cells along the shank")
+    n_thick: int = option(2, "cells through shank and aerofoil")
+    n_platform: int = option(3, "cells of a platform from the shank to its edge")
+    n_height: int = option(2, "cells through a platform")
+    n_aerofoil: int = option(8, "cells along the aerofoil")
+    n_damper: int = option(3, "cells of the damper from flank to flank")
+    n_flank: int = option(2, "cells up a flank of the damper")
+    n_length: int = option(4, "cells along the damper")
 
     @property
     def slope(self) -> float:

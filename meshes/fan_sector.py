@@ -13,36 +13,36 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from blocks import Body, block, jacobian_minimum, join
-from generator import add_options, named, parser_of, says, write
+from generator import add_options, named, option, parser_of, write
 
 
 @dataclass(frozen=True)
 class Shape:
     """Geometry; lengths in m, angles in degrees."""
 
-    length: float = says(0.260, "aerofoil, platform level to tip")
-    chord_root: float = says(0.070, "chord at the platform level")
-    chord_tip: float = says(0.060, "chord at the tip")
-    thickness_root: float = says(0.0080, "largest thickness at the platform level")
-    thickness_tip: float = says(0.0040, "largest thickness at the tip")
-    edge: float = says(0.4, "thickness of the leading and trailing edge over the largest thickness")
-    camber_root: float = says(0.05, "sag of the camber line over the chord, at the platform level")
-    camber_tip: float = says(0.03, "the same at the tip")
-    twist: float = says(35.0, "turn of the chord from the platform level (along the engine's axis) to the tip")
-    flare: float = says(0.010, "height of the transition from the aerofoil to the neck of the dovetail")
-    neck_width: float = says(0.0160, "width of the neck at the rim")
-    neck_height: float = says(0.0060, "from the rim to the upper edge of the flanks")
-    throat_width: float = says(0.0140, "width of the dovetail at the upper edge of the flanks")
-    flank_width: float = says(0.0090, "width of a flank, from its upper to its lower edge")
-    flank_angle: float = says(45.0, "between a flank and the radius")
-    flank_crown: float = says(0.00010, "sag of a flank across its width: the blade's is convex, the slot's concave")
-    lobe_height: float = says(0.0045, "of the dovetail below the flanks")
-    root_length: float = says(0.066, "of dovetail and disc along the engine's axis")
-    arc_radius: float = says(0.160, "radius of the arc along which dovetail and slot are swept")
-    clearance: float = says(0.0012, "between dovetail and slot at the rim and at the bottom")
-    n_blades: int = says(20, "blades on the disc: the sector is 360 degrees over this")
-    rim_radius: float = says(0.160, "outer radius of the disc")
-    bore_radius: float = says(0.100, "inner radius of the disc, where it is fixed")
+    length: float = option(0.260, "aerofoil, platform level to tip")
+    chord_root: float = option(0.070, "chord at the platform level")
+    chord_tip: float = option(0.060, "chord at the tip")
+    thickness_root: float = option(0.0080, "largest thickness at the platform level")
+    thickness_tip: float = option(0.0040, "largest thickness at the tip")
+    edge: float = option(0.4, "thickness of the leading and trailing edge over the largest thickness")
+    camber_root: float = option(0.05, "sag of the camber line over the chord, at the platform level")
+    camber_tip: float = option(0.03, "the same at the tip")
+    twist: float = option(35.0, "turn of the chord from the platform level (along the engine's axis) to the tip")
+    flare: float = option(0.010, "height of the transition from the aerofoil to the neck of the dovetail")
+    neck_width: float = option(0.0160, "width of the neck at the rim")
+    neck_height: float = option(0.0060, "from the rim to the upper edge of the flanks")
+    throat_width: float = option(0.0140, "width of the dovetail at the upper edge of the flanks")
+    flank_width: float = option(0.0090, "width of a flank, from its upper to its lower edge")
+    flank_angle: float = option(45.0, "between a flank and the radius")
+    flank_crown: float = option(0.00010, "sag of a flank across its width: the blade's is convex, the slot's concave")
+    lobe_height: float = option(0.0045, "of the dovetail below the flanks")
+    root_length: float = option(0.066, "of dovetail and disc along the engine's axis")
+    arc_radius: float = option(0.160, "radius of the arc along which dovetail and slot are swept")
+    clearance: float = option(0.0012, "between dovetail and slot at the rim and at the bottom")
+    n_blades: int = option(20, "blades on the disc: the sector is 360 degrees over this")
+    rim_radius: float = option(0.160, "outer radius of the disc")
+    bore_radius: float = option(0.100, "inner radius of the disc, where it is fixed")
 
     def __post_init__(self):
         signed = ("camber_root", "camber_tip", "twist", "flank_crown")
@@ -57,17 +57,17 @@ class Shape:
 class Divisions:
     """Numbers of elements."""
 
-    span: int = says(0, "aerofoil, root to tip")
-    chord: int = says(0, "chord of the aerofoil, and length of dovetail and disc along the engine's axis")
-    thickness: int = says(0, "aerofoil, neck and dovetail, side to side")
-    fillet: int = says(0, "height of the transition from aerofoil to neck")
-    neck: int = says(0, "height of the neck, and of the slot's wall beside it")
-    flank: int = says(0, "width of a flank")
-    lobe: int = says(0, "height of the dovetail below the throat")
-    wall: int = says(0, "height of the slot's wall below the flank")
-    post: int = says(0, "disc, from slot to cyclic face")
-    slot: int = says(0, "disc, across the slot's bottom")
-    ring: int = says(0, "disc, from the slot's bottom to the bore")
+    span: int = option(0, "aerofoil, root to tip")
+    chord: int = option(0, "chord of the aerofoil, and length of dovetail and disc along the engine's axis")
+    thickness: int = option(0, "aerofoil, neck and dovetail, side to side")
+    fillet: int = option(0, "height of the transition from aerofoil to neck")
+    neck: int = option(0, "height of the neck, and of the slot's wall beside it")
+    flank: int = option(0, "width of a flank")
+    lobe: int = option(0, "height of the dovetail below the throat")
+    wall: int = option(0, "height of the slot's wall below the flank")
+    post: int = option(0, "disc, from slot to cyclic face")
+    slot: int = option(0, "disc, across the slot's bottom")
+    ring: int = option(0, "disc, from the slot's bottom to the bore")
 
 
 SIZES = {

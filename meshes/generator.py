@@ -13,7 +13,7 @@ from msh import summary, write_msh
 Contacts = list[tuple[str, str]]  # pairs of surfaces whose nodes coincide
 
 
-def says(default, text: str, choices: Sequence | None = None):
+def option(default, text: str, choices: Sequence | None = None):
     """Return a field of a dataclass with its help text."""
     return field(default=default, metadata={"help": text, "choices": choices})
 
@@ -42,7 +42,7 @@ def named(given: dict[str, Any], kind: type) -> dict[str, Any]:
 
 
 def generate(
-    doc: str, kind: type, make: Callable, contacts: Callable[[Any], Contacts] = lambda asked: [], arguments=None
+    doc: str, kind: type, make: Callable, contacts: Callable[[Any], Contacts] = lambda parameters: [], arguments=None
 ) -> None:
     """Write the requested Gmsh mesh and print a summary.
 
@@ -52,8 +52,8 @@ def generate(
     parser.add_argument("--ascii", action="store_true", help="write text instead of binary")
     add_options(parser, kind)
     given = vars(parser.parse_args(arguments))
-    asked = kind(**named(given, kind))
-    write(parser, given, lambda: make(asked), contacts(asked))
+    parameters = kind(**named(given, kind))
+    write(parser, given, lambda: make(parameters), contacts(parameters))
 
 
 def write(

@@ -14,22 +14,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from blocks import KINDS, Body, block, jacobian_minimum
-from generator import generate, says
+from generator import generate, option
 
 
 @dataclass(frozen=True)
 class Hertz:
     """Lengths in m, and numbers of cells."""
 
-    shape: str = says("sphere", "sphere or roller", ("sphere", "roller"))
-    size: float = says(0.01, "of the cap, from the contact to its far sides")
-    radius: float = says(0.1, "of the round side")
-    kind: str = says("hex8", "of the cap", KINDS)
-    cells: int = says(18, "of the cap from the contact to a side")
-    finest: float = says(0.15, "size of the cells at the contact over that of equal cells")
-    half: int = says(0, "1: both sides of x = 0; 0: a quarter", (0, 1))
-    base: int = says(0, "cells of an elastic base from the contact to a side; 0: no base")
-    base_kind: str = says("hex8", "of the base", KINDS)
+    shape: str = option("sphere", "sphere or roller", ("sphere", "roller"))
+    size: float = option(0.01, "of the cap, from the contact to its far sides")
+    radius: float = option(0.1, "of the round side")
+    kind: str = option("hex8", "of the cap", KINDS)
+    cells: int = option(18, "of the cap from the contact to a side")
+    finest: float = option(0.15, "size of the cells at the contact over that of equal cells")
+    half: int = option(0, "1: both sides of x = 0; 0: a quarter", (0, 1))
+    base: int = option(0, "cells of an elastic base from the contact to a side; 0: no base")
+    base_kind: str = option("hex8", "of the base", KINDS)
 
 
 def graded(u, finest: float):

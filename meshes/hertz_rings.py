@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from blocks import SIDES, Body, block, jacobian_minimum, join
-from generator import generate, says
+from generator import generate, option
 
 CORE = 0.5  # radius of the innermost ring of a sphere, over that of the contact
 SQUARE = 0.25  # half the side of the inner square, over the radius of the contact
@@ -27,15 +27,15 @@ BEYOND = 1.15  # radius of the largest of the equal rings, over that of the cont
 class Rings:
     """Lengths in m, and numbers of cells."""
 
-    shape: str = says("sphere", "sphere or roller", ("sphere", "roller"))
-    size: float = says(0.01, "radius and height of each body (of a roller: half its width, and height)")
-    radius: float = says(0.1, "of the round side")
-    contact: float = says(0.00125, "radius of the contact that is expected")
-    rings: int = says(24, "rings, or rows, of the cap over the radius of contact")
-    base_rings: int = says(24, "of the base")
-    angles: int = says(3, "cells of the cap on an eighth of a circle")
-    base_angles: int = says(3, "of the base")
-    growth: float = says(1.3, "of one cell over the one before, away from the contact")
+    shape: str = option("sphere", "sphere or roller", ("sphere", "roller"))
+    size: float = option(0.01, "radius and height of each body (of a roller: half its width, and height)")
+    radius: float = option(0.1, "of the round side")
+    contact: float = option(0.00125, "radius of the contact that is expected")
+    rings: int = option(24, "rings, or rows, of the cap over the radius of contact")
+    base_rings: int = option(24, "of the base")
+    angles: int = option(3, "cells of the cap on an eighth of a circle")
+    base_angles: int = option(3, "of the base")
+    growth: float = option(1.3, "of one cell over the one before, away from the contact")
 
 
 def growing(first: float, start: float, end: float, growth: float) -> np.ndarray:

@@ -11,22 +11,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from blocks import KINDS, Body, box, jacobian_minimum, join
-from generator import generate, says
+from generator import generate, option
 
 
 @dataclass(frozen=True)
 class LapJoint:
     """Lengths in m, and numbers of cells; a cell is six tetrahedra."""
 
-    length: float = says(0.120, "of each beam")
-    overlap: float = says(0.030, "length of the lap")
-    width: float = says(0.020, "of the beams")
-    thickness: float = says(0.005, "of each beam")
-    kind: str = says("tet10", "tet10 or tet4; the other solid kinds work too", KINDS)
-    n_free: int = says(18, "cells along a beam outside the lap")
-    n_overlap: int = says(4, "cells along the lap")
-    n_width: int = says(2, "cells across the beams")
-    n_thickness: int = says(3, "cells through a beam")
+    length: float = option(0.120, "of each beam")
+    overlap: float = option(0.030, "length of the lap")
+    width: float = option(0.020, "of the beams")
+    thickness: float = option(0.005, "of each beam")
+    kind: str = option("tet10", "tet10 or tet4; the other solid kinds work too", KINDS)
+    n_free: int = option(18, "cells along a beam outside the lap")
+    n_overlap: int = option(4, "cells along the lap")
+    n_width: int = option(2, "cells across the beams")
+    n_thickness: int = option(3, "cells through a beam")
 
 
 def lap_joint(joint: LapJoint) -> dict[str, Body]:
@@ -58,7 +58,7 @@ def lap_joint(joint: LapJoint) -> dict[str, Body]:
 
 def main(arguments=None) -> None:
     """Write the requested mesh and print a summary."""
-    generate(__doc__, LapJoint, lap_joint, lambda asked: [("lap_1", "lap_2")], arguments=arguments)
+    generate(__doc__, LapJoint, lap_joint, lambda parameters: [("lap_1", "lap_2")], arguments=arguments)
 
 
 if __name__ == "__main__":

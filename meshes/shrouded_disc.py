@@ -14,27 +14,27 @@ from dataclasses import dataclass
 
 import numpy as np
 from blocks import KINDS, Body, block, jacobian_minimum, join
-from generator import generate, says
+from generator import generate, option
 
 
 @dataclass(frozen=True)
 class ShroudedDisc:
     """Lengths in m, angles in degrees, and numbers of cells."""
 
-    n_blades: int = says(12, "blades on the disc")
-    bore: float = says(0.060, "inner radius of the disc")
-    rim: float = says(0.090, "outer radius of the disc")
-    tip: float = says(0.190, "radius at which the blade ends and the shroud begins")
-    top: float = says(0.196, "outer radius of the shroud")
-    disc_width: float = says(0.024, "of the disc along the axis")
-    blade_width: float = says(0.030, "of blade and shroud along the axis")
-    thickness: float = says(0.10, "of the blade, as a share of the sector's angle")
-    lean: float = says(25.0, "of blade and shroud faces against the axis, at the tip")
-    kind: str = says("hex20", "hex20 or hex8; the other solid kinds work too", KINDS)
-    n_span: int = says(8, "cells along the blade")
-    n_width: int = says(3, "cells along the axis")
-    n_side: int = says(2, "cells of disc and shroud on each side of the blade")
-    n_disc: int = says(2, "cells along the radius of the disc")
+    n_blades: int = option(12, "blades on the disc")
+    bore: float = option(0.060, "inner radius of the disc")
+    rim: float = option(0.090, "outer radius of the disc")
+    tip: float = option(0.190, "radius at which the blade ends and the shroud begins")
+    top: float = option(0.196, "outer radius of the shroud")
+    disc_width: float = option(0.024, "of the disc along the axis")
+    blade_width: float = option(0.030, "of blade and shroud along the axis")
+    thickness: float = option(0.10, "of the blade, as a share of the sector's angle")
+    lean: float = option(25.0, "of blade and shroud faces against the axis, at the tip")
+    kind: str = option("hex20", "hex20 or hex8; the other solid kinds work too", KINDS)
+    n_span: int = option(8, "cells along the blade")
+    n_width: int = option(3, "cells along the axis")
+    n_side: int = option(2, "cells of disc and shroud on each side of the blade")
+    n_disc: int = option(2, "cells along the radius of the disc")
 
 
 def shrouded_disc(given: ShroudedDisc) -> dict[str, Body]:

@@ -152,7 +152,7 @@ def _restart(folder: Path) -> list[bytes]:
     """Return a journal of points, its end, a state with a part, an identity, columns and a set-up, with few numbers each."""
     pairs = boxes_in_contact()
     points = [pack(*of_point(point)) for point in branch(LEVELS[1], pairs, n_points=2).points]
-    said = {"level": 1.0, "n_points": 2, "failure": None, "is_linear": False, "closes_to": 1e-6, "odd": False}
+    numbers = {"level": 1.0, "n_points": 2, "failure": None, "is_linear": False, "closes_to": 1e-6, "odd": False}
     part = pack({"U": np.zeros((2, 3, 3)), "harmonics": np.arange(2)})
     counts = {"n_points": np.array(2), "number": np.array(3), "sums": np.array([checksum_of(part)])}
     state = pack({"step": np.zeros(4), **counts}, {"parts": ["now"]})
@@ -163,7 +163,14 @@ def _restart(folder: Path) -> list[bytes]:
         "options": [],
     }
     columns = pack({"pairs": np.array([1]), "columns": np.zeros((6, 3))})
-    return [b"".join(points), pack({}, said) + b"".join(points), state + part, pack({}, identity), columns, pack(*_set_up(pairs))]
+    return [
+        b"".join(points),
+        pack({}, numbers) + b"".join(points),
+        state + part,
+        pack({}, identity),
+        columns,
+        pack(*_set_up(pairs)),
+    ]
 
 
 def _set_up(pairs: ContactPairs) -> tuple[dict[str, np.ndarray], dict]:

@@ -37,7 +37,7 @@ from microslip.restart.identity import Identity
 from microslip.restart.records import Latest, checked_read, length_of, read_record, read_records, unpack
 from microslip.restart.structure_arrays import basis_of, structure_of
 from microslip.results.fields import read_fields, read_run
-from microslip.results.read import read_results, refuse_deadly
+from microslip.results.read import read_in_sandbox, read_results
 from microslip.scene.read import read_scene
 from microslip.tables.joint import Joint
 
@@ -184,7 +184,7 @@ def _columns(path: Path) -> None:
 
 
 def _results(path: Path) -> Any:
-    refuse_deadly(str(path))
+    read_in_sandbox(str(path))
     return read_results(str(path)), read_fields(str(path)), read_run(str(path))
 
 

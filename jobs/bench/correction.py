@@ -85,12 +85,12 @@ def main():
     parser.add_argument("--systems", type=int, default=30)
     parser.add_argument("--harmonics", type=int, nargs="+", default=[1, 3, 5])
     parser.add_argument("--reference", type=int, default=25)
-    asked, rows = parser.parse_args(), dict[int, list]()
-    for system in (draw(1, number) for number in range(asked.systems)):
+    arguments, rows = parser.parse_args(), dict[int, list]()
+    for system in (draw(1, number) for number in range(arguments.systems)):
         for level in system["levels"].values():
-            for H in (H for H in asked.harmonics if H >= max(load["harmonic"] for load in system["loads"])):
+            for H in (H for H in arguments.harmonics if H >= max(load["harmonic"] for load in system["loads"])):
                 try:
-                    rows.setdefault(H, []).extend(judged(system, level, H, asked.reference))
+                    rows.setdefault(H, []).extend(judged(system, level, H, arguments.reference))
                 except MicroslipError:  # no branch to begin with
                     continue
     print(

@@ -109,8 +109,8 @@ class Trial:
             self.taken,
         ]
         others = f", {self.n_more} points more and {self.n_fewer} fewer" if self.n_more or self.n_fewer else ""
-        said = "; ".join(self.wrong) or f"as it should be{others}"
-        return " | ".join(map(str, ["", *cells, self.lost, f"{self.off:.1e}", said, ""])).strip()
+        verdict = "; ".join(self.wrong) or f"as it should be{others}"
+        return " | ".join(map(str, ["", *cells, self.lost, f"{self.off:.1e}", verdict, ""])).strip()
 
 
 class Test:
@@ -134,17 +134,17 @@ class Test:
         out = self.folder / f"undisturbed_{ranks}"
         out.mkdir()
         writes = Writes(out)
-        run, n = Run(self.command(ranks, out), self.folder / "said"), 0
+        run, n = Run(self.command(ranks, out), self.folder / "output"), 0
         reported: list[float] = []
         while not run.is_over:
             n += writes.wait(0.02)
-            reported += [run.seconds] * (len(POINT.findall(run.said())) - len(reported))
+            reported += [run.seconds] * (len(POINT.findall(run.output())) - len(reported))
         n += writes.wait(0.0)
         writes.close()
         if run.process.returncode != 0 or not reported:
-            raise SystemExit(f"the undisturbed run of the scene failed, status {run.process.returncode}:\n{run.said()}")
+            raise SystemExit(f"the undisturbed run of the scene failed, status {run.process.returncode}:\n{run.output()}")
         levels = [Curve(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
-        stages = {name: float(seconds) for name, seconds in STAGE.findall(run.said())}
+        stages = {name: float(seconds) for name, seconds in STAGE.findall(run.output())}
         return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, reported[0], reported[-1], n, stages)
 
     def earlier(self) -> Path:
@@ -152,9 +152,9 @@ class Test:
         out = self.folder / "earlier"
         if not out.exists():
             level = 0.5 * min(self.scene.response.levels)
-            run = Run(self.command(1, out, "--set", f"response.levels=[{level!r}]"), self.folder / "said")
+            run = Run(self.command(1, out, "--set", f"response.levels=[{level!r}]"), self.folder / "output")
             if run.wait(LIMIT) != 0:
-                raise SystemExit(f"the run of the scene at half of its lowest level failed:\n{run.said()}")
+                raise SystemExit(f"the run of the scene at half of its lowest level failed:\n{run.output()}")
         return out
 
     # -- a trial -----------------------------------------------------------------------------------------------------
@@ -171,11 +171,11 @@ class Test:
             self._check_files(out, goal, before, outcome)
             if run.process.returncode == 0:
                 break
-        run = Run(self.command(ranks, out), self.folder / "said")
+        run = Run(self.command(ranks, out), self.folder / "output")
         status = run.wait(LIMIT)
-        outcome.taken = outcome.reported if _DONE in run.said() else _taken(run.said())
+        outcome.taken = outcome.reported if _DONE in run.output() else _taken(run.output())
         if status != 0:
-            outcome.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
+            outcome.wrong.append("does not end" if status is None else f"status {status}: {run.output()[-300:]}")
             return outcome
         if outcome.lost > len(outcome.hit):
             outcome.wrong.append(f"{outcome.lost} points computed twice")
@@ -189,16 +189,16 @@ class Test:
     def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, trial: Trial) -> Run:
         """Start a run, kill it at a moment of a kind, and note what was hit."""
         writes = Writes(out)
-        run = Run(self.command(ranks, out), self.folder / "said")
+        run = Run(self.command(ranks, out), self.folder / "output")
         moment = {"set-up": self._in_set_up, "points": self._at_points, "writing": self._while_writing}[kind]
         moment(run, writes, goal, trial)
         run.kill()
         writes.close()
-        said = run.said()
-        n, taken = len(POINT.findall(said)), _taken(said)
+        output = run.output()
+        n, taken = len(POINT.findall(output)), _taken(output)
         if n or taken:
             trial.reported = max(n, trial.reported)  # a start reports the points of the checkpoint again
-        where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "pictures"
+        where = "set-up" if not _LEVEL.search(output) else f"point {n}" if n < goal.n_points else "pictures"
         over = "" if run.process.returncode != 0 else ", had ended"
         trial.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
         return run
@@ -209,7 +209,7 @@ class Test:
     def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, trial: Trial) -> None:
         """Wait for a point that was not reported before, and for a part of the time to the next one."""
         n = self.random.randrange(min(trial.reported, goal.n_points - 1), goal.n_points) + 1
-        while not run.is_over and len(POINT.findall(run.said())) < n:
+        while not run.is_over and len(POINT.findall(run.output())) < n:
             time.sleep(0.005)
         self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
 
@@ -289,15 +289,15 @@ class Test:
         shutil.rmtree(out, ignore_errors=True)
         at = ", ".join(repr(float(f)) for f in np.unique(frequency))
         settings = ("--set", f"response.levels=[{level!r}]", "--set", f"response.at=[{at}]")
-        run = Run(self.command(ranks, out, *settings), self.folder / "said")
+        run = Run(self.command(ranks, out, *settings), self.folder / "output")
         if run.wait(LIMIT) != 0:
-            raise SystemExit(f"the run of the scene at the requested frequencies failed:\n{run.said()}")
+            raise SystemExit(f"the run of the scene at the requested frequencies failed:\n{run.output()}")
         (only,) = read_results(str(out / "results.h5")).levels
         return Curve(only.frequency, only.response)
 
 
-def _taken(said: str) -> int:
-    return sum(map(int, _TAKEN.findall(said)))
+def _taken(output: str) -> int:
+    return sum(map(int, _TAKEN.findall(output)))
 
 
 def _rows(table: Path) -> int:

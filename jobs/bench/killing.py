@@ -60,9 +60,9 @@ class Writes:
 class Run:
     """The running program in its own session; its output goes to a file."""
 
-    def __init__(self, command: list[str], said: Path):
-        self._said = said
-        with open(said, "wb") as file:
+    def __init__(self, command: list[str], output: Path):
+        self._output = output
+        with open(output, "wb") as file:
             self.process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True, preexec_fn=_answer_signals
             )
@@ -77,8 +77,8 @@ class Run:
     def is_over(self) -> bool:
         return self.process.poll() is not None
 
-    def said(self) -> str:
-        return self._said.read_text(errors="replace")
+    def output(self) -> str:
+        return self._output.read_text(errors="replace")
 
     def wait(self, limit: float) -> int | None:
         """Return the status when it ends, None if it had to be killed after a while."""

@@ -119,9 +119,9 @@ def serve() -> None:
     for line in sys.stdin:
         arguments = json.loads(line)
         shutil.rmtree("out", ignore_errors=True)
-        with contextlib.redirect_stderr(io.StringIO()) as said, contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stderr(io.StringIO()) as stderr, contextlib.redirect_stdout(io.StringIO()):
             status = program(arguments)
-        answers.write(json.dumps([status, said.getvalue()]) + "\n")
+        answers.write(json.dumps([status, stderr.getvalue()]) + "\n")
         answers.flush()
 
 
@@ -180,11 +180,11 @@ def try_mutations(options: argparse.Namespace) -> bool:
             text = "".join(f"{json.dumps(key)} = {as_text(value)}\n" for key, value in scene.items())
             (folder / "mutated.toml").write_text(text, encoding="utf-8", errors="surrogateescape")
             arguments = ["run", "mutated.toml", "--out", "out"] if chance.random() < options.runs else ["check", "mutated.toml"]
-            status, said = worker.do(arguments)
+            status, stderr = worker.do(arguments)
             counts[arguments[0], status] += 1
-            if status not in ALLOWED or "Traceback" in said or (status != 0 and said.count("microslip: error: ") != 1):
+            if status not in ALLOWED or "Traceback" in stderr or (status != 0 and stderr.count("microslip: error: ") != 1):
                 n_findings += 1
-                print(f"\n{number}: {arguments[0]}, {status}: {said[-1500:]}\n{text}", flush=True)
+                print(f"\n{number}: {arguments[0]}, {status}: {stderr[-1500:]}\n{text}", flush=True)
             if (number + 1) % 100 == 0:
                 print(f"{number + 1} scenes: {_in_words(counts)}", flush=True)
     print(f"\nSeed {options.seed}, {options.times} scenes, {n_findings} findings")

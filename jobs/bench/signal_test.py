@@ -40,9 +40,9 @@ class SignalTest(Test):
 
     def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, trial: Trial) -> Run:
         """Start a run, send it a signal at some moment, and note how it ended."""
-        number, run = self.random.choice(SIGNALS), Run(self.command(ranks, out), self.folder / "said")
+        number, run = self.random.choice(SIGNALS), Run(self.command(ranks, out), self.folder / "output")
         self._wait_for_moment(run, goal)
-        where = (["start"] + [name for name, _ in STAGE.findall(run.said())])[-1]
+        where = (["start"] + [name for name, _ in STAGE.findall(run.output())])[-1]
         to, at = self._send(run, number, ranks, trial.number), run.seconds
         if self.random.random() < 1.0 / 3.0:
             time.sleep(self.random.uniform(0.0, 1.5))
@@ -52,14 +52,14 @@ class SignalTest(Test):
             time.sleep(0.05)
         seconds, left = run.seconds - at, [] if status is None else members(run.process.pid)
         run.kill()
-        n = trial.reported = max(len(POINT.findall(text)) for text in (run.said(), _log(out)))
+        n = trial.reported = max(len(POINT.findall(text)) for text in (run.output(), _log(out)))
         trial.hit.append(f"{number.name} to {to}: {at:.2f} s, after {where}, point {n}: {status} after {seconds:.1f} s")
         if status is None:
             trial.wrong.append(f"had not ended {WITHIN:.0f} s after the signal")
         trial.wrong += [f"{len(left)} processes were left"] if left else []
-        trial.wrong += _wrong(status, run.said(), number, to, at)
+        trial.wrong += _wrong(status, run.output(), number, to, at)
         if trial.wrong:
-            (self.folder / f"said_{ranks}_{trial.number}").write_text(run.said())
+            (self.folder / f"output_{ranks}_{trial.number}").write_text(run.output())
         return run
 
     def _wait_for_moment(self, run: Run, goal: Undisturbed) -> None:
@@ -69,7 +69,7 @@ class SignalTest(Test):
             self._sleep(run, self.random.uniform(0.0, goal.seconds))
             return
         i = self.random.choice([i for i, name in enumerate(stages) if name.startswith(tuple(self.arguments.stages or [""]))])
-        while i and not run.is_over and stages[i - 1] not in dict(STAGE.findall(run.said())):
+        while i and not run.is_over and stages[i - 1] not in dict(STAGE.findall(run.output())):
             time.sleep(0.002)
         self._sleep(run, self.random.uniform(0.0, 1.2 * goal.stages[stages[i]]))
 
@@ -95,15 +95,15 @@ def _log(out: Path) -> str:
     return "".join(log.read_text() for log in logs if log.exists())
 
 
-def _wrong(status: int | None, said: str, number: signal.Signals, to: str, at: float) -> list[str]:
+def _wrong(status: int | None, output: str, number: signal.Signals, to: str, at: float) -> list[str]:
     """Return what is wrong with the end of a run after a signal."""
     if number == signal.SIGUSR1:
         expected = {0} | ({-number, OF_MPIRUN, 128 + number} if at < BEFORE_PYTHON else set())
     else:
         expected = {0, STOPPED} | ({OF_MPIRUN} if to == "mpirun" else set())
         expected |= {-number, 128 + number, BY_PYTHON} if at < BEFORE_PYTHON else set()
-    wrong = [] if status in expected or status is None else [f"status {status}: {said[-300:]!r}"]
-    n = said.count(_MESSAGE)
+    wrong = [] if status in expected or status is None else [f"status {status}: {output[-300:]!r}"]
+    n = output.count(_MESSAGE)
     if status == STOPPED and n != 1 or status == 0 and n or n > 1:
         wrong.append(f"{n} messages")
     return wrong

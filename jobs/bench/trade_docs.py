@@ -129,12 +129,14 @@ def chosen(measured: Measured) -> list[list[str]]:
             lines.append(["", f"{100.0 * target:g}", "not reached", "", "", "", ""])
             continue
         error = study.score(run).error
-        said, ratio = f"{100.0 * error:.2g}", f"{error / target:.2g}"
+        error_text, ratio = f"{100.0 * error:.2g}", f"{error / target:.2g}"
         if run is not study.choice(target):
             is_open = error <= target or known > target
-            said = f"not decided: {said}, reference known to {100.0 * known:.2g}" if is_open else f"not reached: {said}"
+            error_text = (
+                f"not decided: {error_text}, reference known to {100.0 * known:.2g}" if is_open else f"not reached: {error_text}"
+            )
         times = (f"{run.cost:.2g}", f"{run.setup:.2g}")
-        lines.append(["", f"{100.0 * target:g}", said, ratio, *times, ""])
+        lines.append(["", f"{100.0 * target:g}", error_text, ratio, *times, ""])
     lines[0][0], lines[0][-1] = f"[{study.title}](#{anchor(study.title)})", f"`microslip trade {measured.scene}`"
     return lines
 

@@ -35,8 +35,8 @@ def opened(page: Path, picture: Path, width: int, height: int) -> list[str]:
         command = [browser, "--headless=new", "--no-sandbox", *SOFTWARE, NOWHERE, "--hide-scrollbars", "--enable-logging=stderr"]
         command += [f"--user-data-dir={profile}", f"--window-size={width},{height}", f"--screenshot={picture.resolve()}"]
         done = subprocess.run([*command, page.resolve().as_uri()], capture_output=True, text=True, timeout=600)
-    said = FAULT.findall(done.stderr)
-    return said if picture.is_file() else [*said, f"no picture was made: {done.stderr[-300:]}"]
+    problems = FAULT.findall(done.stderr)
+    return problems if picture.is_file() else [*problems, f"no picture was made: {done.stderr[-300:]}"]
 
 
 def main() -> None:

@@ -160,8 +160,8 @@ def output(command: str, seconds: float, copy: Path) -> tuple[str, list[Table]]:
     except subprocess.TimeoutExpired:
         return f"stopped after {seconds:.0f} s", []
     pages = [path.read_text(encoding="utf-8") for path in sorted((copy / "docs").glob("*.md"))]
-    said = "ran" if ran.returncode == 0 else f"status {ran.returncode}: {(ran.stderr.strip().splitlines() or [''])[-1][:100]}"
-    return said, [one for text in (ran.stdout, *pages) for one in tables(text)] + peaks(ran.stdout)
+    outcome = "ran" if ran.returncode == 0 else f"status {ran.returncode}: {(ran.stderr.strip().splitlines() or [''])[-1][:100]}"
+    return outcome, [one for text in (ran.stdout, *pages) for one in tables(text)] + peaks(ran.stdout)
 
 
 def agree(page: str, now: str) -> bool:
@@ -270,8 +270,8 @@ def examined(path: Path, arguments: argparse.Namespace) -> Counter:
         copy = Path(place) / "project"
         copy_project(copy)
         for command in chosen:
-            said, printed = output(command, arguments.seconds, copy)
-            print(f"  {command}\n    {said}, tables: {len(printed)}", flush=True)
+            outcome, printed = output(command, arguments.seconds, copy)
+            print(f"  {command}\n    {outcome}, tables: {len(printed)}", flush=True)
             made += [(command, one) for one in printed]
     return compared(tables(text), made)
 

@@ -107,9 +107,9 @@ def draw(trials: Sequence[Trial], scene) -> Page:
         Line2D([], [], color=ONE, ls=":", label="original, in the point"),
         Line2D([], [], color=OTHER, ls=":", label="improved, in the point"),
     ]
-    says = f"difference from the full set over its peak ({FLOOR:g} or less at the foot), {shown[0].level:g} N"
+    heading = f"difference from the full set over its peak ({FLOOR:g} or less at the foot), {shown[0].level:g} N"
     with matplotlib.rc_context(RC):
-        sheet = Page(scene, says, WIDTH, 2.7, handles)
+        sheet = Page(scene, heading, WIDTH, 2.7, handles)
         axes = sheet.grid(1, len(shown)).subplots(squeeze=False, sharey=True, sharex=True)[0]
         for ax, trial in zip(axes, shown):
             for followed, colour, style in (

@@ -114,8 +114,8 @@ def modes(study: Study) -> Page | None:
     shapes = node_fields(structure.linearised.system, structure.modes.phi_owned[:, :_SHAPES])
     assert shapes is not None, "this is rank 0"
     n = shapes.shape[2]
-    says = "modes with every pair stuck, colour: size of the motion; and the linear response"
-    page = Page(study.prepared.scene, says, WIDTH, 3.3)
+    heading = "modes with every pair stuck, colour: size of the motion; and the linear response"
+    page = Page(study.prepared.scene, heading, WIDTH, 3.3)
     cells = page.grid(1, n + 1, width_ratios=[1.0] * n + [1.5])
     limits, views = [], []
     for k in range(n):
@@ -185,11 +185,11 @@ def adaptive(study: Study) -> Page | None:
     ]
     if any(level.rubin for level in levels):
         handles.append(Line2D([], [], color=RUBIN, ls="", marker="D", ms=5, mfc="none", mew=1.3, label="plain Rubin at the peak"))
-    says = (
+    heading = (
         f"adaptive ROM against the full set at the same points, where pairs slip: response, and difference over its peak "
         f"({FLOOR:g} or less at the foot)"
     )
-    page = Page(study.prepared.scene, says, WIDTH, 4.2, handles)
+    page = Page(study.prepared.scene, heading, WIDTH, 4.2, handles)
     axes = page.grid(2, len(levels)).subplots(squeeze=False, sharey="row", sharex="col")
     factor, unit = with_prefix(np.concatenate([level.reference.amplitude for level in levels]), "m")
     for level, (curve, error) in zip(levels, axes.T):
@@ -245,8 +245,8 @@ def retained(study: Study) -> Page | None:
     most = level.reference.points[level.reference.peak].energy.max()
     scale = LogNorm(max(EPSILON, 1e-7 * most), most, clip=True)
     idlers = f"in grey those that lose no more than {_joules(EPSILON)}"
-    says = f"pairs retained with \u0394p \u2260 0 along the curve, {level.level:g} N; {idlers}"
-    page = Page(study.prepared.scene, says, WIDTH, 3.0)
+    heading = f"pairs retained with \u0394p \u2260 0 along the curve, {level.level:g} N; {idlers}"
+    page = Page(study.prepared.scene, heading, WIDTH, 3.0)
     axes = page.grid(1, 2).subplots(sharey=True, sharex=True)
     for ax, (name, run) in zip(axes, runs.items()):
         energy, carries = np.array([point.energy for point in run.points])[:, order], run.carries[:, order]
@@ -296,8 +296,8 @@ def tolerance_response(study: Study) -> Page | None:
         run = run or level.reference
         ax.plot(run.frequency, factor * run.amplitude, **looks)
 
-    says = "response by adaptive-energy around the peak, by energy tolerance \u03b5"
-    page, axes = _by_tolerance(study, says, draw, (lambda run: run.amplitude, "m"))
+    heading = "response by adaptive-energy around the peak, by energy tolerance \u03b5"
+    page, axes = _by_tolerance(study, heading, draw, (lambda run: run.amplitude, "m"))
     if page is None:
         return None
     for ax, level in zip(axes, study.slipping):
@@ -318,8 +318,10 @@ def tolerance_size(study: Study) -> Page | None:
         run = run or level.adaptive
         ax.plot(run.frequency[1:], run.unknowns[1:], **looks)
 
-    says = "unknowns of the adaptive ROM along the curve, by energy tolerance \u03b5; without the first point, at which B is full"
-    page, axes = _by_tolerance(study, says, draw, base=BY_SLIP)
+    heading = (
+        "unknowns of the adaptive ROM along the curve, by energy tolerance \u03b5; without the first point, at which B is full"
+    )
+    page, axes = _by_tolerance(study, heading, draw, base=BY_SLIP)
     for ax, level in zip(axes, study.slipping):
         ax.set(ylabel="unknowns", xlim=_slip_range(level))
         ax.set_ylim(bottom=0.0)
@@ -332,8 +334,8 @@ def tolerance_error(study: Study) -> Page | None:
     def draw(ax, run: Run | None, level: Level, factor: float, **looks) -> None:
         _differences(ax, run or level.adaptive, level.reference, **looks)
 
-    says = "difference from the full set over its peak, by energy tolerance \u03b5"
-    page, axes = _by_tolerance(study, says, draw, base=BY_SLIP, looks={"color": FAINT, "lw": 1.0, "ls": "--"})
+    heading = "difference from the full set over its peak, by energy tolerance \u03b5"
+    page, axes = _by_tolerance(study, heading, draw, base=BY_SLIP, looks={"color": FAINT, "lw": 1.0, "ls": "--"})
     for ax, level in zip(axes, study.slipping):
         ax.set(yscale="log", ylim=(1e-6, 1.0), ylabel="difference / peak", xlim=_slip_range(level))
     return page
@@ -349,7 +351,7 @@ def _distinct(levels: list[Level]) -> list[float]:
     return shown
 
 
-def _by_tolerance(study: Study, says: str, draw, drawn=None, base: str = "full set of pairs (receptance)", looks=LINEAR):
+def _by_tolerance(study: Study, heading: str, draw, drawn=None, base: str = "full set of pairs (receptance)", looks=LINEAR):
     """Return a page with a panel per level and a curve per tolerance, and its axes.
 
     ``draw`` takes a run (None for the ``base``) and the factor of ``drawn``, values of a run and their unit.
@@ -359,12 +361,12 @@ def _by_tolerance(study: Study, says: str, draw, drawn=None, base: str = "full s
         return None, []
     tolerances = _distinct(levels)
     if len(tolerances) < len(levels[0].energy):
-        says += "; without tolerances that change nothing"
+        heading += "; without tolerances that change nothing"
     colours = matplotlib.colormaps["plasma"](np.linspace(0.0, 0.85, len(tolerances)))
     handles = [Line2D([], [], label=base, **looks)]
     handles += [Line2D([], [], color=colour, label=f"\u03b5 = {_joules(eps)}") for eps, colour in zip(tolerances, colours)]
     n_rows, n_columns = panels(len(levels))
-    page = Page(study.prepared.scene, says, WIDTH, 0.3 + 2.4 * n_rows, handles)
+    page = Page(study.prepared.scene, heading, WIDTH, 0.3 + 2.4 * n_rows, handles)
     cells = page.grid(n_rows, n_columns)
     axes = [page.figure.add_subplot(cells[divmod(i, n_columns)]) for i in range(len(levels))]
     for ax, level in zip(axes, levels):
@@ -399,8 +401,8 @@ def tolerance_summary(study: Study) -> Page | None:
         Line2D([], [], color=colour, marker="o", ms=3.5, label=f"{level.level:g} N") for level, colour in zip(levels, colours)
     ]
     handles.append(Line2D([], [], color=INK, ls="--", lw=0.9, label=BY_SLIP))
-    says = "adaptive-energy against its tolerance \u03b5: error (1e-8 or less at the foot) and size"
-    page = Page(study.prepared.scene, says, WIDTH, 4.4, handles)
+    heading = "adaptive-energy against its tolerance \u03b5: error (1e-8 or less at the foot) and size"
+    page = Page(study.prepared.scene, heading, WIDTH, 4.4, handles)
     axes = page.grid(2, 2).subplots(sharex=True)
     quantities = [
         ("largest difference on the curve / peak", lambda run, exact: errors(run, exact).max()),
@@ -441,8 +443,8 @@ def steps(study: Study) -> Page | None:
         Line2D([], [], color=INK, marker="o", ms=3.5, label="largest difference on the curve / peak"),
         Line2D([], [], color=INK, ls=":", marker="s", ms=3.5, mfc="white", label="|error of the peak|"),
     ]
-    says = "adaptive without check: the error of updating from the previous point, by number of points"
-    page = Page(study.prepared.scene, says, WIDTH, 2.6, handles)
+    heading = "adaptive without check: the error of updating from the previous point, by number of points"
+    page = Page(study.prepared.scene, heading, WIDTH, 2.6, handles)
     axes = page.grid(1, 2).subplots(sharey=True)
     for ax, rule in zip(axes, (ARC, EQUAL)):
         for level in levels:

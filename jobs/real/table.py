@@ -219,9 +219,9 @@ def model_row(path: Path, model: dict, program: str, scratch: Path) -> list[str]
     ratios = computed[: len(target)] / target[: len(computed)]
     digits = 7 if "CalculiX" in source else 4
     ends = [f"{value:.{digits}f}" for value in (ratios.min(), ratios.max())] if len(ratios) else ["–"]
-    said = " to ".join(dict.fromkeys(ends))
+    span = " to ".join(dict.fromkeys(ends))
     goal = f"{_numbers(target)}{unit} ({source})" if len(target) else source
-    return [name, program, "yes", str(n), goal, _numbers(computed[: max(len(target), 1)]), said]
+    return [name, program, "yes", str(n), goal, _numbers(computed[: max(len(target), 1)]), span]
 
 
 def curve_rows(path: Path, model: dict, program: str, scratch: Path) -> list[list[str]]:

@@ -127,9 +127,9 @@ def unfinished(file: str) -> str:
 
 def _shown(command: Command, out: Path) -> list:
     """Write the requested files of a result file and return their names.  Local."""
-    from .results.read import refuse_deadly
+    from .results.read import read_in_sandbox
 
-    refuse_deadly(command.file)
+    read_in_sandbox(command.file)
     if command.name == "report":
         from .results.report.page import write_report
 
@@ -148,12 +148,12 @@ def _diff(command: Command, comm: MPI.Comm | None) -> int:
     from .program.doctor import faults
 
     require(comm, faults("matplotlib", "h5py", "pydantic"))
-    from .results.read import refuse_deadly
+    from .results.read import read_in_sandbox
     from .studies.diff.report import compare_files
 
     def compared(*arguments) -> tuple[str, int]:
         for file in arguments[:2]:
-            refuse_deadly(file)
+            read_in_sandbox(file)
         return compare_files(*arguments)
 
     of = command.options

@@ -94,7 +94,7 @@ def test_the_check_reports_cuts_of_bolts(comm, folder, program):
 
 
 @pytest.mark.parametrize(
-    "old, new, status, says",
+    "old, new, status, message",
     [
         (
             'group = "cut"',
@@ -107,14 +107,14 @@ def test_the_check_reports_cuts_of_bolts(comm, folder, program):
     ],
     ids=["no cut", "no force", "one cut twice"],
 )
-def test_an_invalid_bolt_is_rejected_with_one_message(comm, folder, program, old, new, status, says):
+def test_an_invalid_bolt_is_rejected_with_one_message(comm, folder, program, old, new, status, message):
     def write():
         assert SCENE.count(old) == 1
         (folder / "bad.toml").write_text(SCENE.replace(old, new))
 
     on_root(comm, write)
     ended, _, error = program("run", folder / "bad.toml", "--out", folder / "bad")
-    assert ended == status and says in error
+    assert ended == status and message in error
     assert error.count("microslip: error: ") == 1 and "Traceback" not in error
 
 

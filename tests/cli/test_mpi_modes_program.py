@@ -176,7 +176,7 @@ def test_engine_orders_cross_a_mode_that_stiffens_with_the_square_of_the_speed()
 
 
 @pytest.mark.parametrize(
-    "more, said",
+    "more, printed",
     [
         (("--speeds", "10,20"), "[statics] rotation_speed: [model] axis is missing"),
         (("--speeds", "10"), "is one speed; for one, use --set statics.rotation_speed=10"),
@@ -186,10 +186,10 @@ def test_engine_orders_cross_a_mode_that_stiffens_with_the_square_of_the_speed()
         (("--count", "none"), "'none' is not a number of at least 1"),
     ],
 )
-def test_invalid_speeds_and_orders_are_rejected_with_one_message(comm, shared_path, program, more, said):
+def test_invalid_speeds_and_orders_are_rejected_with_one_message(comm, shared_path, program, more, printed):
     path = on_root(comm, write_bar, shared_path)
     status, _, err = program("modes", path, "--out", shared_path / "out", *more)
-    assert status == 2 and said in err and "Traceback" not in err
+    assert status == 2 and printed in err and "Traceback" not in err
 
 
 @pytest.mark.pictures

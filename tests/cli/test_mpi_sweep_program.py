@@ -107,7 +107,7 @@ def test_a_sample_that_fails_ends_with_status_3_after_the_others(comm, scene, pr
 
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "message"),
     [
         ("", "exactly one of --set"),
         ("--set level=1,2 --scatter level=3", "exactly one of --set"),
@@ -128,14 +128,14 @@ def test_a_sample_that_fails_ends_with_status_3_after_the_others(comm, scene, pr
         ("--set level=1,2 --part 3/2", "'3/2' is not I/N"),
     ],
 )
-def test_invalid_options_of_a_sweep_are_rejected(scene, program, shared_path, options, says):
+def test_invalid_options_of_a_sweep_are_rejected(scene, program, shared_path, options, message):
     status, _, err = program("sweep", scene, *options.split(), "--out", shared_path / "out")
-    assert status == 2 and says in err and "Traceback" not in err
+    assert status == 2 and message in err and "Traceback" not in err
 
 
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("1.0,2.0\n3.0,4.0\n", "the columns have no names"),
         ("level\n", "there is no sample in it"),
@@ -145,7 +145,7 @@ def test_invalid_options_of_a_sweep_are_rejected(scene, program, shared_path, op
         ("", "the columns have no names"),
     ],
 )
-def test_an_invalid_table_is_rejected(scene, program, shared_path, text, says):
+def test_an_invalid_table_is_rejected(scene, program, shared_path, text, message):
     (shared_path / "table.csv").write_text(text)
     status, _, err = program("sweep", scene, "--table", shared_path / "table.csv", "--out", shared_path / "out")
-    assert status == 2 and says in err
+    assert status == 2 and message in err

@@ -25,7 +25,7 @@ def shell(line: str, cwd, **variables) -> subprocess.CompletedProcess:
 
 def test_a_closed_pipe_of_the_output_stops_a_run(scene):
     done = shell(f"microslip run {scene} --out out | head -c 1", scene.parent)
-    assert done.returncode == 5 and done.stderr.strip().endswith("the reader of the output went away")
+    assert done.returncode == 5 and done.stderr.strip().endswith("the reader of standard output has closed it")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")

@@ -196,7 +196,7 @@ def test_a_march_continues_unchanged_about_another_reference_state(exponent):
 
 
 def test_an_exponential_law_without_pressure_is_rejected_as_reference_state():
-    with pytest.raises(ValueError, match="1 of 2 pairs carry nothing"):
+    with pytest.raises(ValueError, match="1 of 2 pairs carry no force"):
         law(np.inf, 2).about(np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 50.0]]), np.zeros((2, law().n_memory)))
     with pytest.raises(ValueError, match="N0 of pair 0 is 0"):
         Rough(*np.array([[0.3], [0.0], [1.0], [1.0], [np.inf]]), reference=np.ones(1))

@@ -37,8 +37,8 @@ def faults(text, files):
     named, numbers = entries(text), re.findall(r"\\tag\{(\d+\.\d+)\}", text)
     places = {}  # name: [(path, its docstring or comment)]
     for path, source in files.items():
-        for name, said in definitions(path, source):
-            places.setdefault(name, []).append((path, said))
+        for name, stated in definitions(path, source):
+            places.setdefault(name, []).append((path, stated))
     wrong = [f"({number}) names nothing in solver/" for number in numbers if number not in named]
     wrong += [f"({number}) is no equation" for number in named if number not in numbers]
     for number, names in named.items():

@@ -682,11 +682,8 @@ BAD = {
     "a falling range": (CUBE + "*NSET, NSET=a, GENERATE\n5, 1\n", "is not a range of numbers"),
     "an absurd number": (CUBE + "*NSET, NSET=a\n99999999999999999999\n", "which is not a number of the file"),
     "a face too many": (CUBE + "*SURFACE, NAME=s\nCUBE, S7\n", "line 13: .SURFACE names face S7 of element 1, a hex"),
-    "nodes that are mapped": (CUBE + "*NMAP\n1, 8\n", "line 12: the keyword .NMAP is not followed here; write the nodes out"),
-    "nodes along a parabola": (
-        CUBE + "*NGEN, LINE=P\n1, 8\n",
-        "line 12: .NGEN, LINE=P is not followed here; write the nodes out",
-    ),
+    "nodes that are mapped": (CUBE + "*NMAP\n1, 8\n", "line 12: the keyword .NMAP is not supported; write the nodes out"),
+    "nodes along a parabola": (CUBE + "*NGEN, LINE=P\n1, 8\n", "line 12: .NGEN, LINE=P is not supported; write the nodes out"),
     "nodes between none": (CUBE + "*NGEN\n1, 80\n", "line 13: node 80 is not defined before it is used"),
     "nodes in steps that do not fit": (
         CUBE + "*NGEN\n1, 8, 3\n",
@@ -694,16 +691,16 @@ BAD = {
     ),
     "an arc of half a turn": (
         CUBE + "*NGEN, LINE=C\n1, 3, 1, , .5, .5, 0\n",
-        "line 13: .NGEN, LINE=C: an arc of half a turn or more is not followed",
+        "line 13: .NGEN, LINE=C: an arc of half a turn or more is not supported",
     ),
-    "filled unevenly": (CUBE + "*NFILL, BIAS=2\n", "line 12: .NFILL, BIAS is not followed here; write the nodes out"),
+    "filled unevenly": (CUBE + "*NFILL, BIAS=2\n", "line 12: .NFILL, BIAS is not supported; write the nodes out"),
     "filled between unlike sets": (
         CUBE + "*NSET, NSET=A\n1\n*NSET, NSET=B\n2, 3\n*NFILL\nA, B, 4, 10\n",
         "line 17: .NFILL: A has 1 node and B 2, to be joined by 4 intervals",
     ),
     "rows of an element that is not there": (CUBE + "*ELGEN\n7, 3, 1, 1\n", "line 13: .ELGEN: element 7 is not defined before"),
     "endless rows": (CUBE + "*ELGEN\n1, 300000, 1, 1, 300000, 1, 1, 300000\n", "line 13: .ELGEN: rows of .* elements"),
-    "elements reflected": (CUBE + "*ELCOPY, REFLECT, OLD SET=CUBE\n", "line 12: .ELCOPY, REFLECT is not followed here"),
+    "elements reflected": (CUBE + "*ELCOPY, REFLECT, OLD SET=CUBE\n", "line 12: .ELCOPY, REFLECT is not supported"),
     "nodes copied without numbers": (CUBE + "*NCOPY, OLD SET=ALL, SHIFT\n1,0,0\n", "line 12: .NCOPY: CHANGE NUMBER is missing"),
     "a part that does not end": ("*PART, NAME=P\n" + CUBE, "line 1: .PART has no .END PART; the file is truncated"),
     "an unknown part": (PART + TWO.replace("one, PART=P", "one, PART=Q"), "there is no part 'Q'; it has: P"),

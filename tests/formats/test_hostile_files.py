@@ -32,8 +32,8 @@ from microslip.formats.matrices.read import read_any, read_matrix
 from microslip.formats.nastran.read import read_by_pynastran
 from microslip.formats.read import read_model
 from microslip.messages.errors import CaseError, Interrupted, MeshError, MicroslipError, ResourceError
-from microslip.results.read import read_results, refuse_deadly
-from microslip.results.scene_back import GONE, fate
+from microslip.results.read import read_in_sandbox, read_results
+from microslip.results.scene_back import GONE, state_of_input
 from microslip.results.style import RC
 from microslip.scene.read import read_scene
 from microslip.system import memory, sandbox
@@ -351,7 +351,7 @@ def _message_of_convert(path, folder):
 @pytest.mark.parametrize("place", ["pipe", "/dev/zero", ".", "none\0"])
 def test_a_stated_source_of_results_may_be_a_pipe(tmp_path, place):
     os.mkfifo(tmp_path / "pipe")
-    assert fate(SimpleNamespace(path=os.path.join(tmp_path, place), size=0, sha256="")) == GONE
+    assert state_of_input(SimpleNamespace(path=os.path.join(tmp_path, place), size=0, sha256="")) == GONE
 
 
 def test_texts_of_variable_length_are_read(tmp_path):
@@ -359,7 +359,7 @@ def test_texts_of_variable_length_are_read(tmp_path):
     with h5py.File(path, "r+") as file:
         del file["scene/name"]
         file["scene/name"] = "earlier"
-    refuse_deadly(path)
+    read_in_sandbox(path)
     assert read_results(path).name == "earlier"
 
 

@@ -377,3 +377,16 @@ def test_petsc_of_32_bits_reads_no_file_of_64_bit_indices(tmp_path):
     with pytest.raises(PETSc.Error):
         target.load(viewer)
     viewer.destroy(), target.destroy()
+
+
+@pytest.mark.parametrize("is_dense", [False, True])
+def test_a_petsc_file_of_complex_numbers_is_refused(tmp_path, is_dense):
+    path, values = tmp_path / "M.petsc", np.array([2.0, 0.0, 0.0, 3.0]) if is_dense else np.array([2.0, 3.0])
+    head = [1211216, 2, 2, -1] if is_dense else [1211216, 2, 2, 2, 1, 1, 0, 1]
+    path.write_bytes(np.array(head, dtype=">i4").tobytes() + values.astype(">c16").tobytes())
+    with pytest.raises(CaseError, match="complex; microslip takes real matrices"):
+        read(path)
+    first = np.array(head, dtype=">i4").tobytes() + values.astype(">f8").tobytes()
+    vector = np.array([1211214, 1], dtype=">i4").tobytes() + np.zeros(len(values) - 1).tobytes()
+    path.write_bytes(first + vector)  # a further object of the same length
+    np.testing.assert_array_equal(read(path).matrix.toarray(), np.diag([2.0, 3.0]))

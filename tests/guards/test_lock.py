@@ -35,7 +35,7 @@ def locks(request, monkeypatch):
 @pytest.fixture
 def quick(monkeypatch):
     monkeypatch.setattr(lock, "STILL", 0.4)
-    monkeypatch.setattr(lock, "FIRST_WORDS", 0.1)
+    monkeypatch.setattr(lock, "FIRST_CONTENT", 0.1)
 
 
 def held(folder):
@@ -99,7 +99,7 @@ def test_another_machine_owns_the_lock_while_it_updates_the_file(tmp_path, locks
     thread.start()
     try:
         assert "on elsewhere" in held(tmp_path)
-        assert f"{NAME} is that of another run; watching for 0 s whether it is at work" in capfd.readouterr().err
+        assert f"{NAME} belongs to another run; waiting 0 s to see whether that run is still at work" in capfd.readouterr().err
     finally:
         goes_on.set()
         thread.join()

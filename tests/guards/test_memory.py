@@ -109,7 +109,7 @@ def test_memory_granted_by_slurm_is_shared_by_the_ranks_of_a_machine(root, monke
 )
 def test_limits_of_the_process(root, monkeypatch, which, name, used):
     limited = getattr(resource, which)
-    monkeypatch.setattr(resource, "getrlimit", lambda asked: (2**31 if asked == limited else resource.RLIM_INFINITY,) * 2)
+    monkeypatch.setattr(resource, "getrlimit", lambda requested: (2**31 if requested == limited else resource.RLIM_INFINITY,) * 2)
     assert left(root())[f"the process's {name}"] == 2**31 - 1024.0 * used
 
 

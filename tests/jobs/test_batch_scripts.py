@@ -16,10 +16,10 @@ from sources import ROOT
 from microslip.scene.read import read_scene
 
 SLURM, PBS = ROOT / "jobs" / "slurm.sh", ROOT / "jobs" / "pbs.sh"
-SAY = 'echo "$@" > said'  # in place of mpirun
+ECHO = 'echo "$@" > output'  # in place of mpirun
 
 
-def job(folder, script, scene="scene.toml", values="", task=None, launcher=SAY, **more):
+def job(folder, script, scene="scene.toml", values="", task=None, launcher=ECHO, **more):
     """Return the process of a job: ``script`` with the scheduler's variables, an environment ``env`` and ``launcher``."""
     commands = {"mpirun": launcher, "microslip": f'exec {sys.executable} -m microslip "$@"'}
     commands |= {name: f'echo {name} "$@" > queued' for name in ("scontrol", "qsub")}
@@ -41,17 +41,17 @@ def job(folder, script, scene="scene.toml", values="", task=None, launcher=SAY, 
 
 def ended(process):
     """Return status and output of a job."""
-    said = process.communicate(timeout=LIMIT)[0]
-    return process.returncode, said
+    output = process.communicate(timeout=LIMIT)[0]
+    return process.returncode, output
 
 
 @pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
 def test_the_scripts_launch_the_run(tmp_path, script):
     (tmp_path / "values.txt").write_text("joints.a.friction=0.1\njoints.a.friction=0.2 response.levels=[1.0,2.0]\n")
     assert ended(job(tmp_path, script, "jobs/fan.toml")) == (0, "")
-    assert (tmp_path / "said").read_text() == "microslip run jobs/fan.toml\n"
+    assert (tmp_path / "output").read_text() == "microslip run jobs/fan.toml\n"
     assert ended(job(tmp_path, script, "jobs/fan.toml", "values.txt", task=2)) == (0, "")
-    assert (tmp_path / "said").read_text() == (
+    assert (tmp_path / "output").read_text() == (
         "microslip run jobs/fan.toml --set=joints.a.friction=0.2 --set=response.levels=[1.0,2.0] --out results/fan_2\n"
     )
     assert ended(job(tmp_path, script, launcher="exit 3")) == (3, "")
@@ -60,14 +60,14 @@ def test_the_scripts_launch_the_run(tmp_path, script):
 @pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
 def test_missing_arguments_are_reported_and_nothing_is_launched(tmp_path, script):
     (tmp_path / "values.txt").write_text("joints.a.friction=0.1\n")
-    for asked, message in (
+    for settings, message in (
         ({"scene": ""}, "the scene is missing"),
         ({"task": 1}, "an array needs values"),
         ({"values": "values.txt", "task": 2}, "there is no line 2 of values in values.txt"),
         ({"values": "nowhere.txt", "task": 1}, "nowhere.txt"),
     ):
-        status, said = ended(job(tmp_path, script, **asked))
-        assert status != 0 and message in said and not (tmp_path / "said").exists()
+        status, output = ended(job(tmp_path, script, **settings))
+        assert status != 0 and message in output and not (tmp_path / "output").exists()
 
 
 @pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
@@ -99,25 +99,25 @@ STOPS = "mkdir -p results/fan_1\necho row >> results/fan_1/frf.csv\nexit 5"  # i
 )
 def test_a_run_stopped_by_its_time_limit_is_requeued_while_it_makes_progress(tmp_path, script, number, first, later):
     (tmp_path / "values.txt").write_text("joints.a.friction=0.1\n")
-    queued, asked = tmp_path / "queued", {"scene": "fan.toml", "values": "values.txt", "task": 1}
-    asked |= {"SLURM_JOB_ID": number, "PBS_JOBID": number}
+    queued, settings = tmp_path / "queued", {"scene": "fan.toml", "values": "values.txt", "task": 1}
+    settings |= {"SLURM_JOB_ID": number, "PBS_JOBID": number}
     for _ in range(2):
-        assert ended(job(tmp_path, script, **asked, launcher=STOPS)) == (5, "")
+        assert ended(job(tmp_path, script, **settings, launcher=STOPS)) == (5, "")
         assert queued.read_text() == first
         queued.unlink()
     for launcher, more in (("exit 5", {}), (STOPS, later)):
-        status, said = ended(job(tmp_path, script, **asked, launcher=launcher, **more))
-        assert status == 5 and "not put into the queue again: results/fan_1 made no progress" in said and not queued.exists()
-    status, said = ended(job(tmp_path, script, **asked, launcher=STOPS.replace("exit 5", "exit 3")))
-    assert (status, said) == (3, "") and not queued.exists()
+        status, output = ended(job(tmp_path, script, **settings, launcher=launcher, **more))
+        assert status == 5 and "not put into the queue again: results/fan_1 made no progress" in output and not queued.exists()
+    status, output = ended(job(tmp_path, script, **settings, launcher=STOPS.replace("exit 5", "exit 3")))
+    assert (status, output) == (3, "") and not queued.exists()
 
 
 @pytest.mark.slow
 def test_a_task_of_an_array_on_two_ranks(tmp_path):
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02], (1.0, 1.6), outputs=[0], points=5)
     (tmp_path / "values.txt").write_text("response.levels=[0.01]\nresponse.levels=[0.03] solver.harmonics=5\n")
-    status, said = ended(job(tmp_path, SLURM, values="values.txt", task=2, launcher=f'{MPIRUN} --oversubscribe -n 2 "$@"'))
-    assert status == 0, said
+    status, output = ended(job(tmp_path, SLURM, values="values.txt", task=2, launcher=f'{MPIRUN} --oversubscribe -n 2 "$@"'))
+    assert status == 0, output
     assert os.listdir(tmp_path / "results") == ["scene_2"]
     out = tmp_path / "results" / "scene_2"
     assert set(np.loadtxt(out / "frf.csv", delimiter=",", skiprows=1, usecols=0)) == {0.03}
@@ -148,4 +148,4 @@ def test_a_task_of_a_sweep_computes_its_part(tmp_path, script):
     command = ["bash", str(ROOT / "jobs" / script), *arguments]
     variables = environment() | {name: str(value) for name, value in own.items()}
     subprocess.run(command, cwd=tmp_path, env=variables, check=True, timeout=LIMIT)
-    assert (tmp_path / "said").read_text() == f"microslip sweep scene.toml {' '.join(options)} --part 3/5\n"
+    assert (tmp_path / "output").read_text() == f"microslip sweep scene.toml {' '.join(options)} --part 3/5\n"

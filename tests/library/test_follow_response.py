@@ -7,7 +7,7 @@ from microslip.library.follow_response import _in_words
 
 
 @pytest.mark.parametrize(
-    "levels, says",
+    "levels, text",
     [
         ([np.inf, np.inf], "no pair slips at any level"),
         ([2.0, 5.0, 7.0], "pairs slip from about 2 N on, half of all from 5 N"),
@@ -18,5 +18,5 @@ from microslip.library.follow_response import _in_words
         ([0.0, np.inf], "pairs that slip or are open at any level: 1 of 2"),
     ],
 )  # fmt: skip
-def test_the_log_states_the_levels_at_which_pairs_begin_to_slip(levels, says):
-    assert _in_words(np.array(levels), 10.0) == f"by the linear peak, {says}"
+def test_the_log_states_the_levels_at_which_pairs_begin_to_slip(levels, text):
+    assert _in_words(np.array(levels), 10.0) == f"by the linear peak, {text}"

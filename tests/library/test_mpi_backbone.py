@@ -379,7 +379,7 @@ def test_a_harmonic_at_the_frequency_of_another_mode_is_reported(structure):
 
 
 @pytest.mark.parametrize(
-    ("system", "mode", "says"),
+    ("system", "mode", "message"),
     [
         (one_mass(), 2, "there is no mode 2: the structure has 1 mode, and only --mode 1 can be followed"),
         (one_mass(mu=np.zeros(1)), 1, "no pair has friction"),
@@ -389,10 +389,10 @@ def test_a_harmonic_at_the_frequency_of_another_mode_is_reported(structure):
         (one_mass(loads=[{"vector": [1.0], "harmonic": n, "phase": 0.0} for n in (0, 1)]), 1, "[[loads]] with harmonic = 0"),
     ],
 )
-def test_structures_without_nonlinear_mode_are_rejected(structure, system, mode, says):
+def test_structures_without_nonlinear_mode_are_rejected(structure, system, mode, message):
     with pytest.raises(CaseError) as caught:
         microslip.backbone(structure(system), mode=mode)
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 @pytest.mark.pictures

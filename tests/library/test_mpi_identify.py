@@ -380,12 +380,12 @@ def test_damaged_universal_files_are_rejected(tmp_path):
     with pytest.raises(CaseError, match="500 lines; state .response. frequencies"):
         read_measured(file, ("tip",), ("m",), LEVELS)
     text = file.read_text()
-    for damaged, says in (
+    for damaged, message in (
         (text[:700], "no frequency response function|cannot be read"),
         (text.replace("E", "?").replace("e-", "?"), "cannot be read"),
     ):
         file.write_text(damaged)
-        with pytest.raises(CaseError, match=says):
+        with pytest.raises(CaseError, match=message):
             read_measured(file, ("tip",), ("m",), LEVELS)
     with pytest.raises(CaseError, match="No such file"):
         read_measured(tmp_path / "none.unv", ("tip",), ("m",), LEVELS)

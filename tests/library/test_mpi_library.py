@@ -92,15 +92,15 @@ def assert_fields_and_log(comm, folder, structure, response):
     frequency, u = response.fields(response.levels[-1])
 
     def check():
-        fields, run_said = read_fields(str(folder / "run" / "results.h5")), read_run(str(folder / "run" / "results.h5"))
+        fields, run_record = read_fields(str(folder / "run" / "results.h5")), read_run(str(folder / "run" / "results.h5"))
         motion = fields.peaks[len(response.levels) - 1]
         np.testing.assert_allclose(motion.u, u, atol=max(1e-5, 10.0 * ROUNDING) * np.abs(u).max())
         assert response.results.levels[-1].frequency[motion.point] == pytest.approx(frequency, rel=1e-4)
         assert fields.output_node[0] in fields.mesh.numbers and np.array_equal(fields.mesh.points, structure.mesh.points)
-        assert [stage.name for stage in run_said.stages][-1] == "fields for ParaView" and any(
-            "contact pairs" in note for note in run_said.notes
+        assert [stage.name for stage in run_record.stages][-1] == "fields for ParaView" and any(
+            "contact pairs" in note for note in run_record.notes
         )
-        assert not any("frequency_Hz" in note for note in run_said.notes)  # no lines of points
+        assert not any("frequency_Hz" in note for note in run_record.notes)  # no lines of points
         assert (
             read_run(str(folder / "saved" / "results.h5")).stages == ()
             and read_fields(str(folder / "saved" / "results.h5")).peaks

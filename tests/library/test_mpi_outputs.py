@@ -290,8 +290,8 @@ MISTAKES = {
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_bad_input(comm, shared_path, name):
-    outputs, loads, says = MISTAKES[name]
-    with pytest.raises(CaseError, match=says.replace("[", r"\[")):
+    outputs, loads, message = MISTAKES[name]
+    with pytest.raises(CaseError, match=message.replace("[", r"\[")):
         microslip.build(scene_with(comm, shared_path, outputs=outputs, loads=loads, name=name.replace(" ", "_")), comm)
 
 

@@ -232,7 +232,7 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
 
 
 @pytest.mark.parametrize(
-    "over, says",
+    "over, message",
     [
         pytest.param({"key": "levl", "range": (1.0, 2.0)}, 'nearest is "level"', id="no such number"),
         pytest.param({"key": "joints.joint.frction", "range": (1.0, 2.0)}, 'nearest is "joints.joint.friction"', id="of a joint"),
@@ -246,8 +246,8 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
         pytest.param({"key": "damping", "range": (0.0, 2.0)}, "at 0, where nothing", id="no damping"),
     ],
 )
-def test_a_parameter_that_cannot_be_followed_is_rejected(path, over, says):
-    with pytest.raises(CaseError, match=says):
+def test_a_parameter_that_cannot_be_followed_is_rejected(path, over, message):
+    with pytest.raises(CaseError, match=message):
         changed(microslip.read(path), {"response": {"over": (over,)}})
 
 

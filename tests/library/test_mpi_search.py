@@ -159,7 +159,9 @@ def test_isolated_subharmonic_branches_of_a_mass_with_a_frictional_stop(shared_p
     path = write_matrix_scene(shared_path, system, (level,), (1.0, 1.5), harmonics=6, samples=128, points=12)
     out, values = shared_path / "out", []
     monkeypatch.setattr(command, "search", lambda *given, **keys: values.append(microslip.search(*given, **keys)) or values[0])
-    status, said, err = program("search", path, "--at", repr(omega / 2.0 / np.pi), "--starts", "50", "--continue", "--out", out)
+    status, printed, err = program(
+        "search", path, "--at", repr(omega / 2.0 / np.pi), "--starts", "50", "--continue", "--out", out
+    )
     assert (status, err) == (0, "")
     with open(out / "search.csv") as file:
         missed, *struck = csv.DictReader(file)
@@ -171,7 +173,7 @@ def test_isolated_subharmonic_branches_of_a_mass_with_a_frictional_stop(shared_p
         sizes, phases = ([float(row[name]) for row in each] for name in ("2_m", "2_phase_rad"))
         assert sizes == pytest.approx([sizes[0]] * len(each), rel=1e-6) and sizes[0] > 0.5
         assert [abs(phase - phases[0]) for phase in phases[1:]] == pytest.approx([np.pi] * (len(each) - 1), abs=1e-6)
-    assert said.count("the curve through it is closed and passes") == len(struck) and "ends within" not in said
+    assert printed.count("the curve through it is closed and passes") == len(struck) and "ends within" not in printed
     curves = np.genfromtxt(out / "curves.csv", delimiter=",", names=True)
     frequency = curves["frequency_Hz"] * 2.0 * np.pi
     assert 1.0 < frequency.min() < 1.05 and 1.25 < frequency.max() < 1.3  # within the range: the curve does not lead to them

@@ -239,11 +239,11 @@ def test_a_failed_sample_does_not_stop_the_others(mass):
 
 
 @pytest.mark.parametrize(
-    "key, value, says",
+    "key, value, message",
     [("friction", -1.0, "mu in pairs.csv must not be negative"), ("preload", 0.0, "n0 in pairs.csv must be above 0")],
 )
-def test_factors_invalid_for_the_file_of_pairs_are_rejected_before_a_solve(mass, key, value, says):
-    with pytest.raises(CaseError, match=rf"scene\.toml: joints\.joint\.{key} = {value:g}: the factor of {says}"):
+def test_factors_invalid_for_the_file_of_pairs_are_rejected_before_a_solve(mass, key, value, message):
+    with pytest.raises(CaseError, match=rf"scene\.toml: joints\.joint\.{key} = {value:g}: the factor of {message}"):
         microslip.sweep(mass, {f"joints.joint.{key}": [1.0, value]})
 
 
@@ -264,7 +264,7 @@ def test_holding_of_the_mean_slip_is_decided_at_the_peak(mass, monkeypatch, is_l
 
 
 @pytest.mark.parametrize(
-    ("values", "says"),
+    ("values", "message"),
     [
         ({"joints.joint.frction": [1.0]}, 'nearest is "friction"'),
         ({"joints.jiont.friction": [1.0]}, "joint"),
@@ -275,10 +275,10 @@ def test_holding_of_the_mean_slip_is_decided_at_the_peak(mass, monkeypatch, is_l
         ({}, "nothing varies"),
     ],
 )
-def test_parameters_that_cannot_vary_are_rejected(mass, values, says):
+def test_parameters_that_cannot_vary_are_rejected(mass, values, message):
     with pytest.raises(CaseError) as problem:
         microslip.sweep(mass, values)
-    assert says in str(problem.value)
+    assert message in str(problem.value)
 
 
 def test_a_sweep_without_output_or_peak_is_rejected(comm, folder, mass):

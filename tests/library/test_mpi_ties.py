@@ -147,8 +147,8 @@ def test_statics_carry_loads_on_points(comm, folder):
 
 def test_an_unsupported_body_is_named_with_the_bodies_tied_to_it(comm, folder):
     pulled = '[statics]\n[[statics.forces]]\npoint = "motor"\nforce = [0.0, 0.0, 10.0]\n'
-    says = r"body 'bar' with body 'cap' moves along \(0, 0, 1\)"
-    with pytest.raises(ConvergenceError, match=says):
+    message = r"body 'bar' with body 'cap' moves along \(0, 0, 1\)"
+    with pytest.raises(ConvergenceError, match=message):
         microslip.build(scene_of(comm, folder, NO_AXIS, ("preload = 2.0e7", 'preload = "static"'), more=pulled), comm)
 
 
@@ -231,7 +231,7 @@ MISTAKES = {
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_bad_input(comm, folder, name):
-    change, says = MISTAKES[name]
+    change, message = MISTAKES[name]
     changes = (change,) if name == "turning inertia" else (NO_AXIS, change)
-    with pytest.raises(CaseError, match=says):
+    with pytest.raises(CaseError, match=message):
         microslip.build(scene_of(comm, folder, *changes, name=f"bad {name}"), comm)

@@ -158,18 +158,18 @@ def test_a_sticking_pair_does_not_wear(program, shared_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "message"),
     [
         ("area = { joint = 1.0 }\n", "", "[wear] area: the pairs of joint 'joint' are given without areas"),
         ("coefficient = 0.001", "coefficient = 0.0", "[wear] coefficient: 0 of every joint"),
         ("jump = 0.1", "frequency = 9.0", "[wear] frequency = 9 Hz: outside [response] frequencies"),
     ],
 )
-def test_scenes_that_cannot_wear_are_rejected(program, shared_path, old, new, says):
+def test_scenes_that_cannot_wear_are_rejected(program, shared_path, old, new, message):
     assert old in OF_MASS
     path = scene_with_wear(shared_path, one_mass(), [0.8], (0.5, 2.0), OF_MASS.replace(old, new), **JENKINS)
     status, _, err = program("wear", path, "--out", shared_path / "out")
-    assert status == 2 and says in err
+    assert status == 2 and message in err
 
 
 # -- redistribution --------------------------------------------------------------------------------------------------------

@@ -7,11 +7,11 @@ from microslip.messages.words import counted, place, rounded, verb
 
 
 @pytest.mark.parametrize(
-    ("n", "noun", "says"),
+    ("n", "noun", "expected"),
     [(1, "face", "1 face"), (2, "face", "2 faces"), (0, "body", "0 bodies"), (3, "batch", "3 batches"), (1, "body", "1 body")],
 )
-def test_counts(n, noun, says):
-    assert counted(n, noun) == says
+def test_counts(n, noun, expected):
+    assert counted(n, noun) == expected
 
 
 def test_a_point_has_no_rounding_errors_of_zero():
@@ -21,7 +21,7 @@ def test_a_point_has_no_rounding_errors_of_zero():
 
 
 @pytest.mark.parametrize(
-    ("n", "plural", "says"),
+    ("n", "plural", "expected"),
     [
         (1, "are", "is"),
         (0, "are", "are"),
@@ -31,8 +31,8 @@ def test_a_point_has_no_rounding_errors_of_zero():
         (2, "belong", "belong"),
     ],
 )
-def test_verbs_after_counts(n, plural, says):
-    assert verb(n, plural) == says
+def test_verbs_after_counts(n, plural, expected):
+    assert verb(n, plural) == expected
 
 
 @pytest.mark.parametrize(

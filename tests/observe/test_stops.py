@@ -10,13 +10,13 @@ from microslip.system.walltime import TimeLimit
 
 
 @pytest.mark.parametrize(
-    ("left", "said", "stopped"), [(3.0, "3 s are left", "3 s before"), (-100.0, "0 s are left", "100 s after")]
+    ("left", "time_left", "stopped"), [(3.0, "3 s are left", "3 s before"), (-100.0, "0 s are left", "100 s after")]
 )
-def test_a_run_stops_before_the_end_of_its_time_limit(left, said, stopped):
+def test_a_run_stops_before_the_end_of_its_time_limit(left, time_left, stopped):
     saved = []
     log = RunLog(MPI.COMM_SELF, screen=False)
     stops = Stops(log, lambda: saved.append(True), TimeLimit(left, "the queue"))
-    assert log.notes[-1].startswith(f"{said} by the queue")
+    assert log.notes[-1].startswith(f"{time_left} by the queue")
     with pytest.raises(Interrupted, match=f"stopped {stopped} the end of the queue"):
         stops.level_started(0, 1.0, "")
     assert saved == [True]

@@ -37,7 +37,7 @@ def test_selected_rows_of_several_arrays_are_used_without_a_copy():
     single = np.empty((2, 2), dtype=np.float32)
     computed.part(np.array([8, 0])).write_columns(np.array([1, 7]), 2.0, single)
     assert np.array_equal(single, (G[np.ix_([1, 7], rows[[8, 0]])].T / 2.0).astype(np.float32))
-    columns._held[0][:] = 0.0  # the rows of pair 4: the products use them without a copy
+    columns._blocks[0][:] = 0.0  # the rows of pair 4: the products use them without a copy
     assert not computed.times(x)[6:].any() and computed.times(x)[:6].all()
 
 

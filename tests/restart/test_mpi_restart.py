@@ -339,12 +339,12 @@ def test_fresh_preserves_other_files_of_its_folder(shared_path, built):
 
 def test_a_level_that_ended_early_is_reported_but_not_followed_again(shared_path, built, monkeypatch):
     monkeypatch.setattr("microslip.continuation.levels.most_points", lambda points: 5)
-    scene, folder, said = scene_at(shared_path, "response.levels=[30.0, 50.0]"), shared_path / "out", []
+    scene, folder, printed = scene_at(shared_path, "response.levels=[30.0, 50.0]"), shared_path / "out", []
     for _ in range(2):
         with pytest.raises(ConvergenceError) as problem:
             run(scene, COMM, folder, RunOptions(screen=False))
-        said.append(str(problem.value))
-    assert said[0] == said[1] and said[0].count("ends after 5 points") == 2
+        printed.append(str(problem.value))
+    assert printed[0] == printed[1] and printed[0].count("ends after 5 points") == 2
     assert built == {"first": 1, "again": 0}
 
 
@@ -355,14 +355,14 @@ def test_incomplete_results_do_not_replace_complete_ones(shared_path, built, mon
     once = (folder / "results.h5").read_bytes()
 
     def ends_early(setting):
-        said = []
+        printed = []
         for _ in range(2):  # the second time nothing is computed
             with pytest.raises(
                 ConvergenceError, match=f"what converged is in {folder}/unfinished; the complete results"
             ) as problem:
                 run(scene_at(shared_path, setting), COMM, folder, RunOptions(screen=False))
-            said.append(str(problem.value))
-        assert said[0] == said[1] and (folder / "results.h5").read_bytes() == once
+            printed.append(str(problem.value))
+        assert printed[0] == printed[1] and (folder / "results.h5").read_bytes() == once
         (*_, level) = read_results(str(folder / "unfinished" / "results.h5")).levels
         assert level.status == "failed"
 

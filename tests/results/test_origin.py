@@ -92,7 +92,7 @@ def test_changed_input_files_are_reported(stored_results, tmp_path):
     (tmp_path / "meshes" / "values.csv").unlink()
     (path,) = convert(stored_results.path, tmp_path / "again", ["scene"])
     mesh, values = (next(line for line in path.read_text().splitlines() if key in line) for key in ("[model] mesh", "# values"))
-    assert mesh.endswith("changed since") and values.endswith("not there any more")
+    assert mesh.endswith("changed since") and values.endswith("missing")
 
 
 def test_a_scene_of_the_user_is_not_overwritten(stored_results, tmp_path):

@@ -97,8 +97,8 @@ def test_scripts_have_their_elements(whole):
     """Every element requested by the page's script exists, and every figure has data."""
     parsed = Page(whole[1])
     named = {attrs["id"] for _, attrs in parsed.tags if "id" in attrs}
-    asked = set(re.findall(r'at\("([\w-]+)"\)', parsed.scripts[2])) | {"data"}
-    assert len(asked) > 8 and asked <= named
+    requested = set(re.findall(r'at\("([\w-]+)"\)', parsed.scripts[2])) | {"data"}
+    assert len(requested) > 8 and requested <= named
     places = [attrs["data-figure"] for _, attrs in parsed.tags if "data-figure" in attrs]
     assert sorted(places) == sorted(data_of(parsed)["figures"])
     pairs = {int(attrs["data-pair"]) for _, attrs in parsed.tags if "data-pair" in attrs}

@@ -134,7 +134,7 @@ REFUSED = {
         eccentric(-200.0),
         ROUGH.replace(f"{HEIGHT_OF_ROUGHNESS}", "2e-9"),
         CaseError,
-        r"[1-9]\d* of 15 pairs carry nothing of a joint with law = \"rough\" at rest",
+        r"[1-9]\d* of 15 pairs carry no force of a joint with law = \"rough\" at rest",
     ),
     "torn off": (force(0.0, 0.0, 600.0), POWER, ConvergenceError, "no equilibrium beyond .* body 'bar' moves along"),
     "torn off Iwan": (force(900.0, 0.0, 0.0), IWAN, ConvergenceError, "no equilibrium beyond"),

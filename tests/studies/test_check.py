@@ -32,13 +32,13 @@ STEEL = {
 }
 
 
-def said(path, out=None):
+def printed(path, out=None):
     return "\n".join(_lines(str(path), out))
 
 
 def test_all_entries_of_a_file_are_listed(tmp_path):
     (tmp_path / "m.inp").write_text(inp(plain(), ("*Gap, elset=D", "0.1")))
-    text = said(tmp_path / "m.inp")
+    text = printed(tmp_path / "m.inp")
     for words in (
         "32 nodes, 6 hex8; 2 connected parts",
         "from (0, 0, 0) to (0.05, 0.01, 0.025) m, if it is in metres",
@@ -58,7 +58,7 @@ def test_loads_at_rest_that_a_scene_takes_over_are_not_to_be_answered(tmp_path):
     steps = ("*Step, name=Press", "*Static", "*Cload", "PLATE_TOP, 3, -2.0", "*End Step")
     vibration = ("*Step, perturbation", "*Frequency", "4,", "*End Step")
     (tmp_path / "m.inp").write_text(inp(plain(), (*steps, *vibration)))
-    text = said(tmp_path / "m.inp")
+    text = printed(tmp_path / "m.inp")
     assert "at rest    1 force of step 1, in a scene [statics]" in text and "to answer" not in text
 
 
@@ -71,7 +71,7 @@ def test_materials_with_axes_are_listed(tmp_path):
     text = text.replace(elastic, "*Elastic, type=engineering constants\n1.4e11, 1e10, 2e10, .28, .31, .4, 5e9, 6e9\n3.5e9\n")
     axes = "*Orientation, name=layup\n1., 0., 0., 0., 1., 0.\n"
     (tmp_path / "m.inp").write_text(text.replace(section, f"{axes}{section}, orientation=layup", 1))
-    text = said(tmp_path / "m.inp")
+    text = printed(tmp_path / "m.inp")
     assert "Steel: young 1.4e+11 1e+10 2e+10 Pa, poisson 0.28 0.31 0.4, shear 5e+09 6e+09 3.5e+09 Pa, density" in text
     assert "axes       BAR-1.layup: 1 along (" in text and ", of BAR-1.ALL" in text
 
@@ -83,7 +83,7 @@ def test_every_format_is_listed(tmp_path, ending):
         exodus(model, path)
     else:
         path.write_text({".cdb": cdb, ".bdf": bdf, ".unv": unv}[ending](model))
-    text = said(path)
+    text = printed(path)
     assert "6 hex20; 2 connected parts" in text and f"{VOLUME:.6g} m3" in text and "18 nodes, 3 outer faces of 0.0005 m2" in text
 
 

@@ -29,8 +29,8 @@ pytestmark = pytest.mark.ranks(1, 2)
 HZ = 2.0 * np.pi
 
 
-def exported(scene, comm, folder, **asked):
-    command.study(scene, comm, folder, command.Request(**asked))
+def exported(scene, comm, folder, **options):
+    command.study(scene, comm, folder, command.Request(**options))
     comm.barrier()
     return dict(np.load(folder / "model.npz"))
 

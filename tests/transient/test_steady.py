@@ -169,10 +169,10 @@ def test_a_failed_step_names_a_motion_without_inertia():
         omega=(0.1, 1.0),
         levels={},
     )
-    for n_modes, says in (
+    for n_modes, advice in (
         (2, "1 motion has neither inertia nor stiffness .* more .* modes, 3 at least"),
         (3, "take more steps a period"),
     ):
         transient = transient_model(*reduced(system, COMM, 1, n_modes))
         march = March(transient, np.array([0.9]), np.ones(1), 64)
-        assert re.search(says, StepContact(transient, march.scheme)._advice(0))
+        assert re.search(advice, StepContact(transient, march.scheme)._advice(0))

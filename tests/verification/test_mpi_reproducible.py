@@ -36,8 +36,8 @@ def assert_same(comm, computed: Difference) -> None:
 
     Rounding may decide whether a step is repeated: then the other points have other positions on the same curve.
     """
-    says = text_of(computed)
-    assert not any(computed.only) and all(level.is_whole for level in computed.levels), says
+    differences = text_of(computed)
+    assert not any(computed.only) and all(level.is_whole for level in computed.levels), differences
     assert (
         computed.structure.same_pairs
         and computed.structure.modes < OF_MODES
@@ -47,9 +47,9 @@ def assert_same(comm, computed: Difference) -> None:
         has_same_points = level.n_points[0] == level.n_points[1]
         largest = level.difference if has_same_points else level.beyond
         assert all(comm.allgather(bool(largest <= TOLERANCE))) and min(level.n_points) > 4 and level.slip[0] == level.slip[1], (
-            says
+            differences
         )
-        assert level.friction[1] == pytest.approx(level.friction[0], rel=1e-5), says
+        assert level.friction[1] == pytest.approx(level.friction[0], rel=1e-5), differences
         assert_same_at(*computed.of_level(level))
 
 

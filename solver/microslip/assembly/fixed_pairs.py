@@ -97,9 +97,9 @@ def notes_on_fixed(
     CaseError : no pair of a joint can move
     """
     notes = []
-    for name, of_joint in _joints(pairs):
-        n, n_fixed = int(of_joint.sum()), int((is_fixed & of_joint).sum())
-        is_plain = by_supports is None or not (is_fixed & ~by_supports & of_joint).any()
+    for name, of_joint in pairs.by_joint().items():
+        n, n_fixed = len(of_joint), np.count_nonzero(is_fixed[of_joint])
+        is_plain = by_supports is None or not (is_fixed & ~by_supports)[of_joint].any()
         if n_fixed == n:
             raise CaseError(f"{source}: joint {name!r}: {_refusal(n) if is_plain else _refusal_of_links(n)}")
         if n_fixed:
@@ -122,22 +122,16 @@ def notes_on_directions(pairs: ContactPairs, is_fixed: np.ndarray) -> tuple[str,
     """
     x, y, z = is_fixed.T
     notes = []
-    for name, of_joint in _joints(pairs):
-        n = int(of_joint.sum())
+    for name, of_joint in pairs.by_joint().items():
+        n = len(of_joint)
         for which, verb, motion in ((z & ~(x & y), "open", "normal"), (x & y & ~z, "slip", "tangential")):
-            count = int((which & of_joint).sum())
+            count = np.count_nonzero(which[of_joint])
             if count > FEW * n:
                 notes.append(
                     f"joint {name!r}: {count} of its {counted(n, 'pair')} cannot {verb}: {_CAUSES} fix their {motion} "
                     "relative motion"
                 )
     return tuple(notes)
-
-
-def _joints(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:
-    """Return the name of each joint and which pairs it has, (n_pairs,) bool.  Local."""
-    names = np.array(pairs.joint, dtype=object)
-    return [(name, names == name) for name in dict.fromkeys(pairs.joint)]
 
 
 def _refusal(n: int) -> str:

@@ -65,24 +65,24 @@ cdef class Pairs:
         self.c.k_t, self.c.k_n, self.c.separate, self.c.w0 = &k_t[0], &k_n[0], &separate[0], &w0[0, 0]
 
 
-def leaves(Sampling sampling, Pairs pairs, unsigned char[::1] found):
-    """Set ``found`` (n,) to 1 where a pair leaves sticking."""
+def leaves(Sampling sampling, Pairs pairs, unsigned char[::1] leaving):
+    """Set ``leaving`` (n,) to 1 where a pair leaves sticking."""
     cdef int status
     with nogil:
-        status = chosen_leaves(&sampling.c, &pairs.c, found.shape[0], &found[0])
+        status = chosen_leaves(&sampling.c, &pairs.c, leaving.shape[0], &leaving[0])
     if status != 0:
         raise MemoryError("contact kernel: no memory for its samples")
 
 
 def march(Sampling sampling, Pairs pairs, const Py_ssize_t[::1] active, double[:, :, ::1] p, unsigned char[::1] state,
           unsigned char[::1] drifts, double[:, :, ::1] P):
-    """Write p, state, drifts and, unless it is None, P of the ``active`` pairs; there must be at least one."""
+    """Write p, state and drifts of the ``active`` pairs, at least one, and P unless it is None."""
     cdef int status
     cdef double *to_P = NULL
     if P is not None:
         to_P = &P[0, 0, 0]
     with nogil:
         status = chosen_march(&sampling.c, &pairs.c, active.shape[0], &active[0], &p[0, 0, 0], &state[0], &drifts[0],
-                           to_P)
+                              to_P)
     if status != 0:
         raise MemoryError("contact kernel: no memory for its samples")

@@ -21,8 +21,8 @@ from .sliders import Sliders
 _MOST_DERIVATIVES = 2**24  # entries of dp/dU of elements in memory at the same time
 
 
-class OfElements:
-    """Properties common to laws whose tangential part is a bundle of elements."""
+class BundleLaw:
+    """Base of the laws whose tangential part is a bundle of elements."""
 
     bundle: Bundle
 
@@ -148,10 +148,10 @@ class Bundle:
         step = max(1, _MOST_DERIVATIVES // (self.size * (U.shape[1] * (U.shape[2] + 1)) ** 2))
         for i in range(0, self.n_pairs, step):
             part = slice(i, i + step)
-            of = self.take(part)
-            changes = of.of_elements(per_pair[i * self.size : (i + step) * self.size]) != 0.0
-            touched = np.flatnonzero(of._touch(U[part], n_samples, harmonics) & changes)
-            pair, elements = touched // self.size, of.elements.take(touched)
+            bundle = self.take(part)
+            changes = bundle.of_elements(per_pair[i * self.size : (i + step) * self.size]) != 0.0
+            touched = np.flatnonzero(bundle._touch(U[part], n_samples, harmonics) & changes)
+            pair, elements = touched // self.size, bundle.elements.take(touched)
             elements = replace(elements, open_at_rest=elements.N0 < 0.0)
             of_elements = elements.rate_at_preload(name, U[part][pair], n_samples, harmonics)
             of_elements *= per_pair[i * self.size + touched, None, None]
@@ -166,7 +166,7 @@ class Bundle:
         return 2 * self.size
 
     def step(self, du: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the tangential p after a step to ``du`` (..., n, 3), its derivative, which pairs slip, the internal variables.
+        """Return the tangential p after a step to ``du`` (..., n, 3), its derivative, which pairs slip, internal variables.
 
         Local.  docs/theory.md, eq. (3.10).  Shapes (..., n, 2), (..., n, 2, 3), (..., n) and (..., n, n_memory), like ``memory``.
         """
@@ -217,7 +217,7 @@ class Bundle:
         return (carried * self.of_elements(share)).sum(axis=-1) / carried.sum(axis=1)
 
 
-def started(columns: Mapping[str, np.ndarray], size: int) -> np.ndarray | None:
+def initial_positions(columns: Mapping[str, np.ndarray], size: int) -> np.ndarray | None:
     """Return the initial slider positions of the elements, (n, size, 2) [m], from the columns of pairs; None: 0.  Local."""
     w0 = columns.get("w0")
     return None if w0 is None or w0.shape[1] < size else w0[:, :size]

@@ -89,11 +89,11 @@ INLINED int any(mask a)                             /* a has all bits of a lane,
 #elif LANES == 2 && defined(__SSE2__)
     return __builtin_ia32_movmskpd((double __attribute__((vector_size(16))))a) != 0;
 #else
-    long long values[LANES] __attribute__((aligned(sizeof(mask)))), found = 0;
+    long long values[LANES] __attribute__((aligned(sizeof(mask)))), bits = 0;
     *(mask *)values = a;
     for (int l = 0; l < LANES; l++)
-        found |= values[l];
-    return found != 0;
+        bits |= values[l];
+    return bits != 0;
 #endif
 }
 
@@ -117,10 +117,10 @@ typedef struct {                                    /* one group of LANES pairs 
     } slipped;                                      /* in the last period */
     double opened[LANES] __attribute__((aligned(sizeof(lanes))));
     int at_corner[LANES];                           /* whether the slider drifted to a corner, held by two samples, */
-    index_t corners[2 * LANES];                  /* and the numbers of these samples */
+    index_t corners[2 * LANES];                     /* and the numbers of these samples */
     double *p;                                      /* (N_H, 3, LANES) */
     struct step_map *maps;                          /* (N_t,) of the steps in which the slider of one pair moves */
-    index_t *events;                             /* (N_t,) samples at the ends of these steps */
+    index_t *events;                                /* (N_t,) samples at the ends of these steps */
     double *W;                                      /* (CHUNK + 1, 2, 3, stride) */
     double *G;                                      /* (CHUNK, stride) */
     double *sum;                                    /* (N_H, 2, 3, stride) */
@@ -466,11 +466,11 @@ INLINED void march_period(aft_group *group, index_t N_t, int separate, int sampl
     }
 }
 
-/* State of the search for the cycle of one lane. */
-enum { NOTHING_KNOWN, ONE_PERIOD, JUMPED, PLAIN, AT_CORNER };
+/* State of the search for the cycle of one lane: PLAIN marches without further jumps, AT_CORNER has reached its cycle. */
+enum { NO_PERIOD, ONE_PERIOD, JUMPED, PLAIN, AT_CORNER };
 
 typedef struct {
-    int knows;
+    int stage;                                      /* one of these values */
     double share;                                   /* fraction of the jump in the current trial */
     double at[2], change[2];                        /* slider at the start of a period, and its change in this period */
     double from[2], jump[2];                        /* slider after this period, and the jump from there */
@@ -486,7 +486,7 @@ INLINED void begin_jump(search *s, const double *c, double *w)
         w[a * LANES] += s->jump[a];
     }
     s->share = 1.0;
-    s->knows = JUMPED;
+    s->stage = JUMPED;
 }
 
 /* Accelerate the convergence of the slider w of a lane, after a period from w - c to w.
@@ -494,18 +494,18 @@ INLINED void begin_jump(search *s, const double *c, double *w)
  * A period contracts sliders in a single direction with a rate below one, since slip retains only the angle of r.  In this
  * direction the secant through the changes of two periods gives the cycle.  A jump to a cycle without slip, of which there are
  * many, is too long, since a slider drifts to the first of them; it is repeated with half its length, eq. (3.7). */
-INLINED void look_ahead(search *s, const double *c, int slipped, double *w)
+INLINED void accelerate(search *s, const double *c, int slipped, double *w)
 {
     const double at[2] = {w[0] - c[0], w[LANES] - c[LANES]}, size = c[0] * c[0] + c[LANES] * c[LANES];
     const double size_before = s->change[0] * s->change[0] + s->change[1] * s->change[1];
-    if (s->knows == JUMPED && (!slipped || size > size_before)) {
+    if (s->stage == JUMPED && (!slipped || size > size_before)) {
         s->share = s->share < 0.02 ? 0.0 : 0.5 * s->share;
-        s->knows = s->share > 0.0 ? JUMPED : PLAIN;
+        s->stage = s->share > 0.0 ? JUMPED : PLAIN;
         for (int a = 0; a < 2; a++)
             w[a * LANES] = s->from[a] + s->share * s->jump[a];
         return;
     }
-    const int may_jump = slipped && (s->knows == ONE_PERIOD || s->knows == JUMPED);
+    const int may_jump = slipped && (s->stage == ONE_PERIOD || s->stage == JUMPED);
     const double dw[2] = {at[0] - s->at[0], at[1] - s->at[1]}, dc[2] = {c[0] - s->change[0], c[LANES] - s->change[1]};
     const double to[2] = {dw[0] + dc[0], dw[1] + dc[1]}, square = dc[0] * dc[0] + dc[1] * dc[1];
     for (int a = 0; a < 2; a++) {
@@ -513,7 +513,7 @@ INLINED void look_ahead(search *s, const double *c, int slipped, double *w)
         s->change[a] = c[a * LANES];
         s->from[a] = w[a * LANES];
     }
-    s->knows = s->knows == PLAIN ? PLAIN : ONE_PERIOD;
+    s->stage = s->stage == PLAIN ? PLAIN : ONE_PERIOD;
     const double moved = dw[0] * dw[0] + dw[1] * dw[1], slowest = 1.0 - SLOWEST;
     if (!may_jump || !(square > slowest * slowest * moved) || !(dw[0] * dc[0] + dw[1] * dc[1] < 0.0))
         return;
@@ -528,18 +528,18 @@ INLINED void look_ahead(search *s, const double *c, int slipped, double *w)
 INLINED index_t farthest(const aft_group *group, index_t N_t, int l, const double *w, const double *against, double *g,
                             double *d)
 {
-    index_t found = -1;
+    index_t sample = -1;
     for (index_t j = 0; j < N_t; j++) {
         const double x = group->du[3 * j * LANES + l] - w[0], y = group->du[(3 * j + 1) * LANES + l] - w[1];
         const double size = sqrt(x * x + y * y), beyond = size - group->rho[j * LANES + l];
-        if ((found >= 0 && !(beyond > *g)) || !(size > 0.0) || (against && !(x * against[0] + y * against[1] < 0.0)))
+        if ((sample >= 0 && !(beyond > *g)) || !(size > 0.0) || (against && !(x * against[0] + y * against[1] < 0.0)))
             continue;
-        found = j;
+        sample = j;
         *g = beyond;
         d[0] = x / size;
         d[1] = y / size;
     }
-    return found;
+    return sample;
 }
 
 /* The limit position of a slider that is pushed back and forth: the corner of the region in which no sample moves it, with
@@ -604,46 +604,46 @@ typedef struct {                                    /* a pair whose cycle is not
     int was_on_line;                                /* whether the cycle of two samples was tried */
     search search;
     index_t corner[2];                              /* the samples that hold it */
-} wanderer;
+} unsettled_pair;
 
-/* Decide how to continue after a period that moved the slider of lane l from group->before to w. */
-INLINED void judge(aft_group *group, index_t N_t, int l, int separate, int sampled, double tolerance, wanderer *pair, double *w)
+/* End a period that moved the slider of lane l from group->before to w: detect a steady cycle, or choose where to go on. */
+INLINED void end_period(aft_group *group, index_t N_t, int l, int separate, int sampled, double tolerance, unsettled_pair *pair, double *w)
 {
     const double c[LANES + 1] = {[0] = w[l] - group->before[l], [LANES] = w[LANES + l] - group->before[LANES + l]};
     const double change = fabs(c[0]) + fabs(c[LANES]);
     const int slipped = group->slipped.each[l] > 0.0, stopped = pair->has_jumped && !slipped;
     pair->slides_on = 0;
-    if (pair->search.knows == AT_CORNER)
+    if (pair->search.stage == AT_CORNER)
         group->slipped.each[l] = 0.0;                   /* slip at a corner is roundoff */
     else if (change > tolerance || stopped) {
         pair->slides_on = 1;
         if (pair->periods < MOST_PERIODS) {
             if ((stopped || pair->periods % CORNER_AFTER == 0) && find_corner(group, N_t, l, tolerance, w + l, pair->corner))
-                pair->search.knows = AT_CORNER;
+                pair->search.stage = AT_CORNER;
             else if (!pair->was_on_line && pair->periods % CORNER_AFTER == 0 && find_line(group, N_t, l, w + l)) {
                 pair->was_on_line = 1;
-                pair->search.knows = NOTHING_KNOWN;
+                pair->search.stage = NO_PERIOD;
             } else if (slipped && pair->periods >= NEWTON_AFTER && pair->periods % CORNER_AFTER == 0
                        && find_newton_step(group, N_t, l, separate, sampled, (const double[2]){c[0], c[LANES]}, pair->search.jump))
                 begin_jump(&pair->search, c, w + l);
-            else if (change > tolerance || pair->search.knows == JUMPED)
-                look_ahead(&pair->search, c, slipped, w + l);
+            else if (change > tolerance || pair->search.stage == JUMPED)
+                accelerate(&pair->search, c, slipped, w + l);
             else
                 pair->slides_on = pair->has_jumped = 0;
-            pair->has_jumped |= pair->search.knows == JUMPED;
+            pair->has_jumped |= pair->search.stage == JUMPED;
         }
     }
     if (!pair->slides_on) {                             /* so that further periods for the other lanes repeat this one bitwise */
         w[l] = group->before[l];
         w[LANES + l] = group->before[LANES + l];
     }
-    group->at_corner[l] = pair->search.knows == AT_CORNER;
+    group->at_corner[l] = pair->search.stage == AT_CORNER;
     group->corners[2 * l] = pair->corner[0];
     group->corners[2 * l + 1] = pair->corner[1];
 }
 
 /* A round of periods from w0, eq. (3.5), or from the end of the last round, until all pairs have a steady cycle, eq. (3.7). */
-INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, wanderer *pairs)
+INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, unsettled_pair *pairs)
 {
     double w[2 * LANES] __attribute__((aligned(sizeof(lanes)))), tolerance[LANES] = {0.0};
     int any_slides = 1;
@@ -667,7 +667,7 @@ INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, wan
             if (is_first)
                 pairs[l].slides_on = N_t > 1;
             else
-                judge(group, N_t, l, separate, sampled, tolerance[l], pairs + l, w);
+                end_period(group, N_t, l, separate, sampled, tolerance[l], pairs + l, w);
             any_slides |= pairs[l].slides_on;
         }
     }
@@ -820,7 +820,7 @@ INLINED dual dual_area(dual s_0, dual sigma, dual s_1, dual w_i, dual w_a, dual 
     return plus(scaled(0.5, sum), 1.0, times(plus(sigma, -1.0, s_0), w_a));
 }
 
-INLINED void keep(struct step_map_of *to, int a, dual value)
+INLINED void store(struct step_map_of *to, int a, dual value)
 {
     for (int b = 0; b < 2; b++)
         to->A[a][b] = value.g[b];
@@ -882,9 +882,9 @@ INLINED void circle_map(const lane_step *s, step_map *m)
         to[k] = slips ? plus(b[k], -1.0, times(rho_j, d[k])) : w[k];
         end[k] = s->free_j ? s->u_j[k] : to[k];
         m->w[k] = end[k].v;
-        keep(&m->slider, k, end[k]);
+        store(&m->slider, k, end[k]);
         if (m->has_area)
-            keep(&m->area, k, dual_area(s->s_0, from, s->s_1, s->w[k], w[k], to[k], end[k]));
+            store(&m->area, k, dual_area(s->s_0, from, s->s_1, s->w[k], w[k], to[k], end[k]));
     }
 }
 
@@ -908,8 +908,8 @@ INLINED void separate_map(const lane_step *s, step_map *m)
         const dual from = slips ? plus(s->s_0, 1.0, times(sigma, plus(s->s_1, -1.0, s->s_0))) : s->s_1;
         const dual to = slips ? plus(b, -sign, s->rho_j) : w, end = s->free_j ? s->u_j[k] : to;
         m->w[k] = end.v;
-        keep(&m->slider, k, end);
-        keep(&m->area, k, is_free ? constant(0.0) : dual_area(s->s_0, from, s->s_1, s->w[k], w, to, end));
+        store(&m->slider, k, end);
+        store(&m->area, k, is_free ? constant(0.0) : dual_area(s->s_0, from, s->s_1, s->w[k], w, to, end));
         m->has_area |= !is_free && (sigma.v > 0.0 || s->free_i || s->free_j);
     }
 }
@@ -927,7 +927,7 @@ INLINED void sampled_map(const lane_step *s, int separate, step_map *m)
         else if (size.v > s->rho_j.v)
             end = plus(s->u_j[k], -1.0, times(s->rho_j, over(r, size)));
         m->w[k] = end.v;
-        keep(&m->slider, k, end);
+        store(&m->slider, k, end);
     }
 }
 
@@ -1305,7 +1305,7 @@ int KERNEL(aft_leaves)(const aft_tables *t, const aft_pairs *pairs, index_t n, u
 }
 
 /* A round for some pairs; writes the results of pairs with a steady cycle, or at MOST_PERIODS. */
-INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs *pairs, wanderer *lane, int n_lanes, int separate,
+INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs *pairs, unsettled_pair *lane, int n_lanes, int separate,
                          double *p, unsigned char *state, unsigned char *drifts, double *P)
 {
     const index_t size = 3 * t->N_H;
@@ -1341,7 +1341,7 @@ int KERNEL(aft_march)(const aft_tables *t, const aft_pairs *pairs, index_t m, co
               unsigned char *state, unsigned char *drifts, double *P)
 {
     aft_group group;
-    wanderer lane[LANES], *waiting = calloc((size_t)m, sizeof *waiting);
+    unsettled_pair lane[LANES], *waiting = calloc((size_t)m, sizeof *waiting);
     if (waiting == NULL || allocate(&group, t) != 0) {
         free(waiting);
         return -1;
@@ -1350,7 +1350,7 @@ int KERNEL(aft_march)(const aft_tables *t, const aft_pairs *pairs, index_t m, co
         index_t n_waiting = 0;
         for (index_t k = 0; k < m; k++)
             if ((pairs->separate[active[k]] != 0) == separate)
-                waiting[n_waiting++] = (wanderer){.pair = active[k], .place = k};
+                waiting[n_waiting++] = (unsettled_pair){.pair = active[k], .place = k};
         while (n_waiting > 0) {
             index_t n_left = 0;
             for (index_t k = 0; k < n_waiting; k += LANES) {

@@ -10,7 +10,7 @@ typedef ptrdiff_t index_t;
 
 typedef struct {
     index_t N_H, N_t;
-    index_t stride;                              /* N_H rounded up to a multiple of 4; padded with zeros */
+    index_t stride;                                 /* N_H rounded up to a multiple of 4; padded with zeros */
     const double *E;                                /* (N_t, stride) rows of the synthesis matrix */
     const double *E_T;                              /* (N_H, N_t) its columns */
     int sampled;                                    /* the return map at the samples only */

@@ -37,7 +37,9 @@ class ElasticCoulomb(Preloaded):
     sampled: bool = False  # the return map (3.3) at the samples only, instead of the path between them (3.6)
     k_ty: np.ndarray | None = None  # (n,) tangential stiffness along y, where limits are separate [N/m]; None: k_t
     mu_y: np.ndarray | None = None  # (n,) friction coefficient along y, where limits are separate [-]; None: mu
-    _last: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)  # cycle that rates were taken of
+    _last: dict[str, Any] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )  # cycle of the last parameter rates
 
     def __post_init__(self) -> None:
         n = np.size(self.k_t)
@@ -271,9 +273,9 @@ class ElasticCoulomb(Preloaded):
         far, pressed = np.abs(motion).sum(axis=(1, 2)), np.abs(self.N0) + self.k_n * np.abs(U[:, 2]).sum(axis=1)
         of, per = (self.k_t * far, pressed) if name == "mu" else (self.mu * pressed, far)
         step = np.divide(_ONE_SIDED * of, per, out=np.ones_like(of), where=(of > 0.0) & (per > 0.0))
-        there = self.with_parameters(name, np.arange(self.n_pairs), step)
-        here, moved = (law.cycle(U, n_samples, False, harmonics).p for law in (self, there))
-        return (moved - here) / step[:, None, None]
+        changed = self.with_parameters(name, np.arange(self.n_pairs), step)
+        p, p_changed = (law.cycle(U, n_samples, False, harmonics).p for law in (self, changed))
+        return (p_changed - p) / step[:, None, None]
 
     # -- a time step -------------------------------------------------------------------------------------------
 

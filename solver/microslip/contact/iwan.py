@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from .bundle import Bundle, OfElements, started
+from .bundle import Bundle, BundleLaw, initial_positions
 from .elastic_coulomb import ElasticCoulomb
 from .law import SLIP, STICK, ContactCycle
 from .parameters import column_with, not_among
@@ -26,7 +26,7 @@ _COLUMNS = {"slip_force": "F_S", "k_t": "K_T", "k_n": "k_n"}  # columns of the p
 
 
 @dataclass(frozen=True)
-class Iwan(OfElements):
+class Iwan(BundleLaw):
     """The law of ``n`` pairs, arrays (n,); ValueError if one is out of range."""
 
     F_S: np.ndarray  # force at gross slip [N], above 0
@@ -207,7 +207,7 @@ def of_columns(columns: Mapping[str, np.ndarray]) -> Iwan:
     F_S = limit(columns)
     k_n, chi, beta = (columns[name] for name in ("k_n", "chi", "beta"))
     n_sliders = int(columns["sliders"][0])
-    return Iwan(F_S, columns["k_t"], k_n, chi, beta, n_sliders=n_sliders, w0=started(columns, n_sliders + 1))
+    return Iwan(F_S, columns["k_t"], k_n, chi, beta, n_sliders=n_sliders, w0=initial_positions(columns, n_sliders + 1))
 
 
 def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray | None]:

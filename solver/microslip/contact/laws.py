@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import iwan, rough
-from .bundle import OfElements
+from .bundle import BundleLaw
 from .combined import as_one
 from .elastic_coulomb import ElasticCoulomb
 from .keys import ELASTIC_COULOMB, IWAN, ROUGH
@@ -31,7 +31,7 @@ class Kind:
     limit: Callable[[Columns, np.ndarray], np.ndarray]  # columns, normal forces N: friction limit [N]
     limits: tuple[str, ...] = ()  # parameters of a joint that do not change its springs
     about_rest: Callable[[Columns, np.ndarray, np.ndarray], Mapping[str, np.ndarray | None]] | None = None  # columns, du, memory
-    pressed_to: Callable[[Columns, np.ndarray, np.ndarray], np.ndarray] | None = None  # columns, du before, du of the guess
+    initial_guess: Callable[[Columns, np.ndarray, np.ndarray], np.ndarray] | None = None  # columns, du before, du of the guess
     above_0: tuple[str, ...] = ()  # columns of a file of pairs that must be positive
     exported: str = ""  # description of its elements and its normal force in an exported model
     is_spring: bool = False  # linear until it slips or opens, from any state: N0 - k_n du_z and k_t (du_t - w)
@@ -83,7 +83,7 @@ LAWS: dict[str, Kind] = {  # their keys: keys.py
         limit=_coulomb_limit,
         limits=("friction",),
         about_rest=rough.about_rest,
-        pressed_to=rough.pressed_to,
+        initial_guess=rough.initial_guess,
         above_0=("n0", "kt", "kn"),
         exported=rough.EXPORTED,
     ),
@@ -143,16 +143,16 @@ def are_springs(names: Sequence[str] | np.ndarray) -> np.ndarray:
     return np.isin(names, [name for name, kind in LAWS.items() if kind.is_spring])
 
 
-def pressed_to(names: Sequence[str] | np.ndarray, columns: Columns, before: np.ndarray, du: np.ndarray) -> np.ndarray:
+def initial_guess(names: Sequence[str] | np.ndarray, columns: Columns, before: np.ndarray, du: np.ndarray) -> np.ndarray:
     """Return an initial guess (n, 3) of the motion of pairs after ``before``: ``du``, improved where their law provides a guess.
 
     Local.
     """
     moved = du.copy()
     for pairs, law, part in _parts(names, columns):
-        knows = LAWS[law].pressed_to
-        if knows is not None:
-            moved[pairs] = knows(part, before[pairs], du[pairs])
+        guess = LAWS[law].initial_guess
+        if guess is not None:
+            moved[pairs] = guess(part, before[pairs], du[pairs])
     return moved
 
 
@@ -165,7 +165,7 @@ def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str,
     sliders: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
     for pairs, law, part in _parts(names, columns):
         of_pairs = LAWS[law].of_columns(part)
-        if isinstance(of_pairs, OfElements) and len(pairs):
+        if isinstance(of_pairs, BundleLaw) and len(pairs):
             bundle, elements = of_pairs.bundle, of_pairs.bundle.elements
             of_elements = {"k_t": elements.k_t, "limit": elements.mu * elements.N0, "rate": elements.mu * elements.k_n}
             parts = {name: bundle.of_elements(values) for name, values in of_elements.items()}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Preloaded:
-    """What elastic-Coulomb friction and rough surfaces have in common, of ``n`` pairs."""
+    """Base of the laws of ``n`` pairs with a preload or a gap: elastic-Coulomb friction and rough surfaces."""
 
     described: ClassVar[str]  # the law in messages
     mu: np.ndarray  # (n,) friction coefficient [-]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..fourier.coefficients import analysis_matrix, synthesis_matrix
 from ..fourier.harmonics import Harmonics
-from .bundle import Bundle, OfElements, started
+from .bundle import Bundle, BundleLaw, initial_positions
 from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
 from .preloaded import Preloaded
@@ -34,7 +34,7 @@ MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential divided by normal stiffn
 
 
 @dataclass(frozen=True)
-class Rough(Preloaded, OfElements):
+class Rough(Preloaded, BundleLaw):
     """The law of ``n`` pairs of rough surfaces, arrays (n,), about their rest; ValueError if it is not defined there.
 
     k_t and k_n, above 0, are the stiffnesses at rest; of a pair with a power law that is open at rest, N0 <= 0, those at the
@@ -286,7 +286,7 @@ class Rough(Preloaded, OfElements):
         N, k_n = self.normal_force(du[:, 2])
         parts = ~(N > CARRIES * self.pressed)
         if np.any(parts & np.isinf(self.exponent)):
-            raise ValueError(f"{np.count_nonzero(parts)} of {self.n_pairs} pairs carry nothing")
+            raise ValueError(f"{np.count_nonzero(parts)} of {self.n_pairs} pairs carry no force")
         gap = np.maximum(du[:, 2] + self.lift - np.where(parts, self.exponent, 0.0) * self.pressed / self.k_n, 0.0)
         law = replace(
             self,
@@ -345,7 +345,7 @@ def of_columns(columns: Mapping[str, np.ndarray]) -> Rough:
     n_sliders = int(columns["sliders"][0])
     none = np.zeros_like(mu)
     reference, open_at_rest = columns.get("reference", none + np.nan), columns.get("open_at_rest", none.astype(bool))
-    w0 = started(columns, 5 * n_sliders)
+    w0 = initial_positions(columns, 5 * n_sliders)
     return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=n_sliders, w0=w0, reference=reference, open_at_rest=open_at_rest)
 
 
@@ -361,18 +361,18 @@ def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.nda
     return {name: getattr(law, name) for name in changed}
 
 
-def pressed_to(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.ndarray) -> np.ndarray:
+def initial_guess(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.ndarray) -> np.ndarray:
     """Return ``du`` (n, 3) in which pairs that come into contact after ``before`` carry the same force as their springs would.
 
     Local.  An initial guess for Newton's method, which converges poorly near first contact of a power law, both with the tangent
     and with the reference stiffness.
     """
-    of, moved = of_columns(columns), du.copy()
-    now, then = (-motion[:, 2] + np.where(of.is_open, of.N0 / of.k_n, 0.0) for motion in (before, du))
-    touches = of.is_open & (now <= 0.0) & (then > 0.0)
-    share = of.k_n[touches] * then[touches] / of.pressed[touches]
-    m = of.exponent[touches]
-    moved[touches, 2] += then[touches] - m * of.pressed[touches] / of.k_n[touches] * share ** (1.0 / m)
+    law, moved = of_columns(columns), du.copy()
+    overlap_before, overlap = (-motion[:, 2] + np.where(law.is_open, law.N0 / law.k_n, 0.0) for motion in (before, du))
+    touches = law.is_open & (overlap_before <= 0.0) & (overlap > 0.0)
+    share = law.k_n[touches] * overlap[touches] / law.pressed[touches]
+    m = law.exponent[touches]
+    moved[touches, 2] += overlap[touches] - m * law.pressed[touches] / law.k_n[touches] * share ** (1.0 / m)
     moved[touches, :2] *= share[:, None] ** (1.0 / m - 1.0)[:, None]
     return moved
 

@@ -26,9 +26,9 @@ class StartedLaw:
     start: np.ndarray
 
     def __getattr__(self, name: str) -> Any:
-        """Return what does not depend on the phase: a property of the law, or a method of a time step or of its limits."""
+        """Return an attribute of the law that does not depend on the phase: a property, a method of a time step or of limits."""
         if name == "law":
-            raise AttributeError(name)  # of a copy that is not complete yet
+            raise AttributeError(name)  # while a copy is made, before its fields are set
         return getattr(self.law, name)
 
     @property

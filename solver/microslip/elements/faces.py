@@ -12,8 +12,8 @@ def _square_cells(n: int) -> np.ndarray:
     return 2.0 / n * (low + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])) - 1.0
 
 
-# Cells of a face: their corners in its coordinates, (n_cells, 4, 2), turning as its own do.  A linear face
-# has one around each corner; a quadratic one nine, or six that each touch a corner and a middle of a triangle.
+# Corners of the cells of a face in its coordinates, (n_cells, 4, 2), in the same sense of rotation as the corners of the face.
+# A linear face has a cell around each corner; a quad8 has nine, a tri6 six that touch a corner and the middle of a side each.
 _THIRDS = [
     [(0, 0), (1 / 2, 0), (1 / 3, 1 / 3), (0, 1 / 2)],
     [(1, 0), (1 / 2, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 0)],
@@ -21,9 +21,9 @@ _THIRDS = [
 ]
 _SIXTHS = [[a, b, c, c] for a, b, c, _ in _THIRDS] + [[a, c, c, d] for a, _, c, d in _THIRDS]
 CELLS = {"tri3": np.array(_THIRDS), "tri6": np.array(_SIXTHS), "quad4": _square_cells(2), "quad8": _square_cells(3)}
-# Nodes of a face in turn around it, by their number.
+# Nodes of a face in their order around it, by the number of nodes.
 RINGS = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
-SAMPLES = collapsed(4)  # of a part that two faces share
+SAMPLES = collapsed(4)  # quadrature on a triangle of the overlap of two faces
 FINER_SAMPLES = collapsed(5)  # the same, exact for shape functions times point functions
 
 _RULES = {"quad4": square(2), "quad8": square(3), "tri3": triangle(3), "tri6": triangle(6)}
@@ -35,7 +35,7 @@ def point_functions(kind: str, xi: np.ndarray) -> np.ndarray:
     Local.  docs/theory.md, eq. (2.11).  In the order of the cells, each of which has one of the points.  They are orthogonal,
     and the shape functions are sums of them.
     """
-    from scipy.optimize import linear_sum_assignment  # long to import, and seldom needed
+    from scipy.optimize import linear_sum_assignment  # slow import, seldom needed
 
     points, centres = _RULES[kind].points, CELLS[kind].mean(axis=1)
     _, at = linear_sum_assignment(np.linalg.norm(points - centres[:, None], axis=2))

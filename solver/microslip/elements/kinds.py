@@ -110,9 +110,9 @@ def _with_mid_sides(corners, edges) -> np.ndarray:
     return np.concatenate([corners, middles])
 
 
-def _monomials(n_dim: int, keep) -> np.ndarray:
-    """Return the exponents from {0, 1, 2} ^ n_dim that ``keep`` accepts."""
-    return np.array([exponent for exponent in product(range(3), repeat=n_dim) if keep(*exponent)])
+def _monomials(n_dim: int, accepts) -> np.ndarray:
+    """Return the exponents from {0, 1, 2} ^ n_dim for which ``accepts`` returns True."""
+    return np.array([exponent for exponent in product(range(3), repeat=n_dim) if accepts(*exponent)])
 
 
 def _serendipity(*exponent) -> bool:

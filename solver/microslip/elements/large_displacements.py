@@ -29,7 +29,7 @@ def large_displacements(of: Solids, u: np.ndarray, with_stress: bool = True) -> 
     f, K = np.empty(of.points.shape), np.empty((len(of.points), 3 * n, 3 * n))
     for chunk, part in of.parts(9 * (n + 3) ** 2):
         dN, volumes = part.functions()
-        state = (part.elastic(), part.rise_of(), with_stress)
+        state = (part.elastic(), part.rise_at_points(), with_stress)
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
         forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):

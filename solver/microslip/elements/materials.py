@@ -10,7 +10,7 @@ import numpy as np
 Vector = tuple[float, float, float]
 COMPONENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # the order of six stresses and strains, as in Abaqus
 _ROUNDED = 1e-9  # of the largest entry of an elasticity: rounding to the digits of a file
-_ON_AXIS = 1e-12  # of a distance: nearer to the axis of a cylinder any direction is as radial as another
+_ON_AXIS = 1e-12  # of the distance from the point of a cylinder: nearer to its axis the radial direction is arbitrary
 
 
 class Elastic(Protocol):
@@ -196,7 +196,7 @@ def orthotropic(young: Vector, poisson: Vector, shear: Vector) -> np.ndarray:
     Parameters
     ----------
     young : E_1, E_2, E_3 [Pa]
-    poisson : nu_12, nu_13, nu_23 [-]: pulled along i it shrinks by nu_ij of that strain along j
+    poisson : nu_12, nu_13, nu_23 [-]: contraction along j divided by the extension along i, under tension along i
     shear : G_12, G_13, G_23 [Pa]
 
     Raises
@@ -214,27 +214,27 @@ def orthotropic(young: Vector, poisson: Vector, shear: Vector) -> np.ndarray:
     least = np.linalg.eigvalsh(compliance / np.outer(size, size))[0]
     if least <= _ROUNDED:
         raise ValueError(
-            f"pulled in one way it would do work, or not give way: its compliance, over that along its axes, has the eigenvalue "
-            f"{least:.3g}; nu_ij is how much it shrinks along j for a strain along i, along which it is pulled"
+            f"its compliance matrix must be positive definite, but scaled to a unit diagonal it has the eigenvalue {least:.3g}; "
+            "check nu_ij: the contraction along j divided by the extension along i, under tension along i"
         )
     elasticity = np.linalg.inv(compliance)
     return 0.5 * (elasticity + elasticity.T)
 
 
 def checked(elasticity: np.ndarray) -> np.ndarray:
-    """Return an elasticity (6, 6) [Pa] that a material can have.  Local.
+    """Return a symmetric, positive semidefinite elasticity (6, 6) [Pa], without the asymmetry of rounding.  Local.
 
-    No strain has a negative energy; some may have none (an inviscid fluid resists a change of volume alone).
+    Strains without energy are allowed: an inviscid fluid resists only changes of volume.
 
     Raises
     ------
-    ValueError : it is not symmetric, or has a negative eigenvalue
+    ValueError : it is not symmetric, has a negative eigenvalue, or is zero
     """
     if (np.abs(elasticity - elasticity.T) > _ROUNDED * np.abs(elasticity).max()).any():
         raise ValueError("its elasticity is not symmetric")
     least, *_, most = np.linalg.eigvalsh(elasticity)
     if not (least >= -_ROUNDED * most and most > 0.0):
-        raise ValueError(f"strained in one way it would do work: its elasticity has the eigenvalue {least:.3g} Pa")
+        raise ValueError(f"its elasticity must be positive semidefinite and not zero, but has the eigenvalue {least:.3g} Pa")
     return 0.5 * (elasticity + elasticity.T)
 
 

@@ -58,10 +58,10 @@ def _on_edges(face: Kind, points, queries, best, least) -> tuple[np.ndarray, np.
 
 
 def _descend(face: Kind, points, queries, starts, directions, box) -> np.ndarray:
-    """Return where |x(xi) - query|^2 / 2 is least along ``directions`` (2, m), from the best of ``starts``.
+    """Return the xi (n, 2) of least |x(xi) - query|^2 / 2 along ``directions`` (2, m), from the best of ``starts``.
 
-    Newton's method, that of Gauss where the second derivative is no minimum's; a step that leads uphill is halved. xi stays
-    within ``box``.
+    Newton's method, or Gauss-Newton where the second derivative is not positive definite; steps that increase the distance are
+    halved. xi stays within ``box``.
     """
     away = np.einsum("sa,fai->fsi", face.values(starts), points) - queries[:, None]
     xi = starts[np.argmin(np.einsum("fsi,fsi->fs", away, away), axis=1)].copy()
@@ -69,11 +69,11 @@ def _descend(face: Kind, points, queries, starts, directions, box) -> np.ndarray
     for _ in range(_MOST_STEPS):
         if not len(live):
             break
-        here, nodes, targets = xi[live], points[live], queries[live]
-        step = _newton_step(face, nodes, targets, here, directions)
-        there = _downhill(face, nodes, targets, here, step, box)
-        xi[live] = there
-        live = live[np.abs(there - here).max(axis=1) > _CONVERGED]
+        before, nodes, targets = xi[live], points[live], queries[live]
+        step = _newton_step(face, nodes, targets, before, directions)
+        after = _downhill(face, nodes, targets, before, step, box)
+        xi[live] = after
+        live = live[np.abs(after - before).max(axis=1) > _CONVERGED]
     return xi
 
 
@@ -94,16 +94,16 @@ def _newton_step(face: Kind, points, queries, xi, directions) -> np.ndarray:
 
 def _downhill(face: Kind, points, queries, xi, step, box) -> np.ndarray:
     """Return xi + step within ``box``, the step halved where the distance would grow; xi itself where no step helps."""
-    there = np.clip(xi + step, *box)
-    large = np.flatnonzero(np.abs(there - xi).max(axis=1) > _SMALL)
+    moved = np.clip(xi + step, *box)
+    large = np.flatnonzero(np.abs(moved - xi).max(axis=1) > _SMALL)
     now = _distance(face, points[large], queries[large], xi[large])
     for halvings in range(9):
-        uphill = _distance(face, points[large], queries[large], there[large]) > now
+        uphill = _distance(face, points[large], queries[large], moved[large]) > now
         large, now = large[uphill], now[uphill]
         if not len(large):
             break
-        there[large] = xi[large] if halvings == 8 else np.clip(xi[large] + 0.5 ** (halvings + 1) * step[large], *box)
-    return there
+        moved[large] = xi[large] if halvings == 8 else np.clip(xi[large] + 0.5 ** (halvings + 1) * step[large], *box)
+    return moved
 
 
 def _distance(face: Kind, points, queries, xi) -> np.ndarray:

@@ -112,7 +112,7 @@ def pyramid(n: int) -> Rule:
 
 
 INTEGRATIONS = {
-    "full": "all the rank of the stiffness; the mass exact in straight tetrahedra, prisms and parallelepipeds, positive definite",
+    "full": "stiffness of full rank; mass positive definite, exact in straight tetrahedra, prisms and parallelepipeds",
     "reduced": "hex20: stiffness 2x2x2, mass by Irons' 14 points (Ansys SOLID186); other kinds as full",
     "reduced-both": "mass by the same few points as the stiffness (CalculiX C3D20R, C3D15, C3D10, C3D6, C3D4); hex8 as full",
 }

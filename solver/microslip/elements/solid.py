@@ -62,7 +62,7 @@ class Solids:
         """Return the law of the material at the quadrature points, in model axes."""
         return self.material.at(KINDS[self.kind].values(self.rule.points) @ self.points)
 
-    def rise_of(self) -> float | np.ndarray:
+    def rise_at_points(self) -> float | np.ndarray:
         """Return the temperature rise at the quadrature points, (n_elements, n_q) [K], like displacements; or the uniform one."""
         return (
             self.temperature_rise @ KINDS[self.kind].values(self.rule.points).T

@@ -14,7 +14,7 @@ def stress(of: Solids, u: np.ndarray) -> np.ndarray:
     """
     sigma = strain(of, u)
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
-        sigma[chunk] = part.elastic().stress(sigma[chunk], part.rise_of())
+        sigma[chunk] = part.elastic().stress(sigma[chunk], part.rise_at_points())
     return sigma
 
 
@@ -23,7 +23,7 @@ def strain(of: Solids, u: np.ndarray) -> np.ndarray:
     eps = np.empty((len(of.points), len(of.rule.weights), 3, 3))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         dN, volumes = part.functions()
-        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.rise_of())
+        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.rise_at_points())
         slopes = dN @ amplitudes[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         eps[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
     return eps
@@ -50,7 +50,7 @@ def deformed_stiffness(of: Solids, u: np.ndarray) -> np.ndarray:
     K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         (dN, volumes), local = part.functions(), part.elastic()
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.rise_of())[:, None]
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.rise_at_points())[:, None]
         K[chunk] = condensed(local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes), 3 * of.n)
     return K
 
@@ -75,7 +75,7 @@ def thermal_forces(of: Solids) -> np.ndarray:
     """
     n, f = of.n, np.empty(of.points.shape)
     for chunk, part in of.parts(9 * (n + 3) ** 2):
-        local, rise = part.elastic(), part.rise_of()
+        local, rise = part.elastic(), part.rise_at_points()
         dN, volumes = part.functions() if isinstance(rise, np.ndarray) else part.gradients()
         forces = _expansion_forces(dN, volumes, local, rise)
         if dN.shape[-1] > n:

@@ -60,11 +60,11 @@ class Findings:
 class Terms:
     """Linear equations between displacements."""
 
-    equation: list[int] = field(default_factory=list)
+    equation: list[int] = field(default_factory=list)  # number of the equation of each term, from 0
     terms: list[Term] = field(default_factory=list)
-    where: list[str] = field(default_factory=list)
-    is_support: list[bool] = field(default_factory=list)
-    points: list[str] = field(default_factory=list)
+    where: list[str] = field(default_factory=list)  # place of each equation in the file
+    is_support: list[bool] = field(default_factory=list)  # of each equation, as in ``Equations``
+    points: list[str] = field(default_factory=list)  # names of the connected points in terms
 
     def point(self, name: str) -> int:
         """Return the index that represents a connected point in terms, in place of a node."""

@@ -15,7 +15,7 @@ from ..messages.words import counted
 from ..system.sandbox import LibraryError, SandboxError, read_file
 from .draft import face_of
 from .hdf5 import MOST_GAIN, Storage
-from .model import KINDS, Cells, FileModel, Finding, Group
+from .model import KINDS, Cells, FileModel, Finding, Group, family_of
 
 _SHAPES = {"TET": "tet", "HEX": "hex", "WED": "wedge", "PYR": "pyramid", "TRI": "tri", "QUA": "quad", "SHE": "quad"}
 _SIZES = {"tet": (4, 10), "hex": (8, 20, 27), "wedge": (6, 15), "pyramid": (5, 13), "tri": (3, 6), "quad": (4, 8)}
@@ -146,7 +146,7 @@ def _names(variable: Any, n: int, kind: str) -> list[str]:
     return [texts[i] if i < len(texts) and texts[i] else f"{kind} {i + 1}" for i in range(n)]
 
 
-def _counted(variable: Callable[[str], Any], stem: str, identities: str) -> list[Any]:
+def _in_order(variable: Callable[[str], Any], stem: str, identities: str) -> list[Any]:
     """Return the variables stem1, stem2, ..., one per identity; None for empty ones, which the file leaves out."""
     known = variable(identities)
     variables: list[Any] = []
@@ -156,9 +156,9 @@ def _counted(variable: Callable[[str], Any], stem: str, identities: str) -> list
 
 
 def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Group], list[Finding]]:
-    blocks = _counted(variable, "connect", "eb_prop1")
+    blocks = _in_order(variable, "connect", "eb_prop1")
     shapes = [block.shape if block is not None else (0, 0) for block in blocks]
-    elements_ = _numbers(variable("elem_num_map"), sum(shape[0] for shape in shapes))
+    element_numbers = _numbers(variable("elem_num_map"), sum(shape[0] for shape in shapes))
     names = _names(variable("eb_names"), len(blocks), "block")
     cells: list[Cells] = []
     groups: dict[str, Group] = {}
@@ -169,7 +169,7 @@ def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Grou
         word = _attribute(block, "elem_type").upper()
         kind = _KINDS.get((word[:3], n_nodes), word.lower() or "unknown")
         nodes = _array(block).astype(np.int64) - 1
-        cells.append(Cells(kind, nodes[:, _ORDER[kind]] if kind in _ORDER else nodes, elements_[first : first + n]))
+        cells.append(Cells(kind, nodes[:, _ORDER[kind]] if kind in _ORDER else nodes, element_numbers[first : first + n]))
         if kind not in KINDS:
             effect = f"{counted(n, 'element')} of a kind that is not a solid here"
             findings.append(Finding(word=word or "elements", where=f"block {name!r}", effect=effect, changes=True))
@@ -179,7 +179,7 @@ def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Grou
 
 
 def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_points: int) -> None:
-    sets = _counted(variable, "node_ns", "ns_prop1")
+    sets = _in_order(variable, "node_ns", "ns_prop1")
     for name, members in zip(_names(variable("ns_names"), len(sets), "node set"), sets, strict=True):
         nodes = (_array(members) if members is not None else np.zeros(0)).astype(np.int64) - 1
         if ((nodes < 0) | (nodes >= n_points)).any():
@@ -189,21 +189,21 @@ def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_point
 
 def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[str, Group]) -> None:
     """Add the sides of side sets as separate cells."""
-    sets, sides = _counted(variable, "elem_ss", "ss_prop1"), _counted(variable, "side_ss", "ss_prop1")
-    start = np.cumsum([0] + [len(cell_block.nodes) for cell_block in cells])
+    sets, sides = _in_order(variable, "elem_ss", "ss_prop1"), _in_order(variable, "side_ss", "ss_prop1")
+    start = np.cumsum([0] + [len(block.nodes) for block in cells])
     n_blocks = len(cells)
-    for name, at, side in zip(_names(variable("ss_names"), len(sets), "side set"), sets, sides, strict=True):
-        if at is None or side is None:
+    for name, of_elements, of_sides in zip(_names(variable("ss_names"), len(sets), "side set"), sets, sides, strict=True):
+        if of_elements is None or of_sides is None:
             continue
-        element, number = _array(at).astype(np.int64) - 1, _array(side).astype(np.int64)
+        element, number = _array(of_elements).astype(np.int64) - 1, _array(of_sides).astype(np.int64)
         if len(element) != len(number) or ((element < 0) | (element >= start[-1])).any():
             raise MeshError(f"side set {name!r} names an element that the file does not hold")
         group = groups.setdefault(name, Group())
         for block in range(n_blocks):
             in_block = (element >= start[block]) & (element < start[block + 1])
-            for cell_block in np.unique(number[in_block]):
-                rows = element[in_block & (number == cell_block)] - start[block]
-                made = _side(cells[block], int(cell_block), rows, name)
+            for side in np.unique(number[in_block]):
+                rows = element[in_block & (number == side)] - start[block]
+                made = _side(cells[block], int(side), rows, name)
                 if made is not None:
                     cells.append(made)
                     group.add_cells(len(cells) - 1, np.arange(len(rows)))
@@ -211,7 +211,7 @@ def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[
 
 def _side(block: Cells, number: int, rows: np.ndarray, name: str) -> Cells | None:
     """Return side ``number`` of some elements as cells; None if the elements are not solids here."""
-    family = block.kind.rstrip("0123456789")
+    family = family_of(block.kind)
     if family not in _SIDES:
         return None
     if not 1 <= number <= len(_SIDES[family]):

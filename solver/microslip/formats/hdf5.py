@@ -8,7 +8,7 @@ from ..system.memory import lack_of_memory
 MOST_GAIN = 2000  # gzip compresses by at most about 1030 to 1
 COPIES = 2  # copies of all values in memory while they are read and checked
 _OF_ANY_FILE = 2**24  # bytes allowed to a data set without stored values, all equal to its fill value
-_OWN_FILTERS = range(1, 7)  # deflate, shuffle, fletcher32, szip, nbit, scaleoffset
+_BUILT_IN_FILTERS = range(1, 7)  # deflate, shuffle, fletcher32, szip, nbit, scaleoffset
 
 
 class Storage:
@@ -17,8 +17,8 @@ class Storage:
     def __init__(self, n_bytes: int):
         self.n_bytes = n_bytes  # size of the file
         self.names: dict[int, str] = {}  # by the address of the data set
-        self.taken = 0
-        self.claimed = 0  # bytes of all values together
+        self.taken = 0  # stored bytes of all data sets read so far
+        self.claimed = 0  # bytes of their values in memory
 
     def link_fault(self, group: Any, name: str) -> str | None:
         """Return the fault of an item of a group, checked before any of its data are read; None without a fault.  Local.
@@ -80,6 +80,6 @@ def _foreign_filter(dataset: Any) -> str | None:
     plist = dataset.id.get_create_plist()
     for i in range(plist.get_nfilters()):
         number, _, _, name = plist.get_filter(i)
-        if number not in _OWN_FILTERS:
+        if number not in _BUILT_IN_FILTERS:
             return f"number {number} ({name.decode('ascii', 'replace')[:40]})" if name else f"number {number}"
     return None

@@ -21,8 +21,6 @@ FREQUENCIES, PEAKS = {"frequency_hz": 1.0, "frequency_khz": 1e3}, {"peak_frequen
 PHASES = {"phase_rad": 1.0, "phase_deg": np.pi / 180.0}
 UNIVERSAL = (".unv", ".uff", ".uf")  # endings of universal files
 LEVELS = {"level_n": 1.0, "level_kn": 1e3, "level": 1.0}
-
-
 _SPELLED = {"hz": "Hz", "khz": "kHz", "n": "N", "kn": "kN"}  # units, in names that are compared in small letters
 
 

@@ -200,6 +200,11 @@ def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
     return {(dim, tag): str(tag) if tags.count(tag) == 1 else f"{word[dim]} {tag}" for dim, tag in sorted(keys)}
 
 
+def family_of(kind: str) -> str:
+    """Return a kind of cells without its number of nodes: "hex" of "hex20".  Local."""
+    return kind.rstrip("0123456789")
+
+
 def fixed_alike(fixed: np.ndarray) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
     """Yield each combination of held axes and the positions of its nodes, from ``fixed`` (n_points, 3).  Local."""
     code = fixed @ np.array([4, 2, 1])

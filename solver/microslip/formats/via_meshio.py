@@ -171,7 +171,7 @@ def _group_by_values(mesh, cells: list[Cells], groups: dict[str, Group]) -> None
     for array, parts in mesh.cell_data.items():
         if array == "GlobalCellIds":
             continue
-        grouping = [i for i, values in enumerate(parts) if _groups(values)]
+        grouping = [i for i, values in enumerate(parts) if _is_grouping(values)]
         keys = {(dimension[i], int(value)) for i in grouping for value in np.unique(parts[i])}
         names = {key: f"{array}={key[1]}" for key in keys}
         if array in _REFERENCES:
@@ -181,12 +181,12 @@ def _group_by_values(mesh, cells: list[Cells], groups: dict[str, Group]) -> None
                 name = names[dimension[i], int(value)]
                 groups.setdefault(name, Group()).add_cells(i, np.flatnonzero(parts[i] == value))
     for array, values in mesh.point_data.items():
-        if array not in ("GlobalNodeIds", *_REFERENCES) and _groups(values):
+        if array not in ("GlobalNodeIds", *_REFERENCES) and _is_grouping(values):
             for value in np.unique(values):
                 groups.setdefault(f"{array}={value}", Group()).add_nodes(np.flatnonzero(values == value))
 
 
-def _groups(values: np.ndarray) -> bool:
+def _is_grouping(values: np.ndarray) -> bool:
     """Return whether an array groups cells or points: integers with few distinct values."""
     values = np.asarray(values)
     return values.ndim == 1 and values.dtype.kind in "iu" and 0 < len(np.unique(values)) <= _MOST_VALUES

@@ -34,7 +34,7 @@ GRACE_OF_SIGNAL = 2.0  # s that rank 0 waits after a signal: longer than mpirun 
 DEFECT = 70
 _REPORTED = 2  # state of a rank with a reported problem; 1: with an unreported problem
 _INTERRUPTED: list[Interrupted] = []  # referenced with their traces, so that the solvers in them are not freed
-_NEWS = 0.2  # s that a message of an Abort may take; the launcher kills one second after its signal
+_ABORT_NOTICE = 0.2  # s that a message of an Abort may take; the launcher kills one second after its signal
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 _PETSC_OUT_OF_MEMORY = 55
 
@@ -114,7 +114,7 @@ def expected(problem: BaseException) -> MicroslipError | None:
         return problem
     if isinstance(problem, MemoryError) or getattr(problem, "ierr", None) == _PETSC_OUT_OF_MEMORY:
         return ResourceError(
-            f"not enough memory ({str(problem) or 'no more could be had'}); use more ranks on more machines, or a smaller model"
+            f"not enough memory ({str(problem) or 'an allocation failed'}); use more ranks on more machines, or a smaller model"
         )
     if (refused := refused_option(problem)) is not None:
         return CaseError(refused)
@@ -122,7 +122,7 @@ def expected(problem: BaseException) -> MicroslipError | None:
         return Interrupted("interrupted from the keyboard")
     if isinstance(problem, BrokenPipeError):
         drop_output(sys.stdout.fileno())  # including unflushed output
-        return Interrupted("the reader of the output went away")
+        return Interrupted("the reader of standard output has closed it")
     if isinstance(problem, OSError) and problem.errno in _DISK:
         where = f"{problem.filename}: " if problem.filename else ""
         return ResourceError(f"{where}{problem.strerror}; make room, or choose another disk with --out")
@@ -242,7 +242,7 @@ def _abort(comm: MPI.Comm, status: int) -> None:
 def _comes_from_abort() -> bool:
     """Return on rank 0 whether another rank has ended all ranks; a signal then comes from the launcher."""
     began = time.monotonic()
-    while time.monotonic() - began < _NEWS:
+    while time.monotonic() - began < _ABORT_NOTICE:
         if is_aborted():
             return True
         time.sleep(0.01)

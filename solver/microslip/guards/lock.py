@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 NAME = ".microslip.lock"
 TOUCHED_EVERY = 20.0  # s
 STILL = 4.5 * TOUCHED_EVERY  # s without a touch after which a run on another machine has ended; file systems show it late
-FIRST_WORDS = 1.0  # s until a new file names its process
+FIRST_CONTENT = 1.0  # s until a new file names its process
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL, errno.EPERM}
 _JOBS = ("SLURM_JOB_ID", "PBS_JOBID")
 _HELD: set[Lock] = set()  # locks of this process
@@ -70,7 +70,7 @@ class Lock:
         except RuntimeError as problem:
             self.release()
             raise ResourceError(
-                f"{path}: the system gives this process no further thread; see ulimit -v and ulimit -u"
+                f"{path}: the system allows this process no further thread; see ulimit -v and ulimit -u"
             ) from problem
 
     def _touch(self) -> None:
@@ -111,7 +111,7 @@ def _take(folder: Path) -> tuple[Lock, list[str]]:
             is_free = _flock(handle)
             holder = _read(handle)
             if is_free is None and not is_new and not holder:  # between its creation and its first content
-                time.sleep(FIRST_WORDS)
+                time.sleep(FIRST_CONTENT)
                 holder = _read(handle)
             if is_free is False or not (is_new or _is_gone(path, holder, trusted=is_free is True)):
                 os.close(handle)
@@ -120,8 +120,8 @@ def _take(folder: Path) -> tuple[Lock, list[str]]:
                     "folder with --out"
                 )
             if _is_at(path, handle):
-                left = [f"{path} was left behind{_in_words(holder)}, which is gone; taken over"] if holder else []
-                return Lock(path, handle), left
+                messages = [f"{path} was left behind{_in_words(holder)}, which has ended; taken over"] if holder else []
+                return Lock(path, handle), messages
             os.close(handle)  # another process removed it meanwhile
 
 
@@ -168,7 +168,7 @@ def _stands_still(path: Path) -> bool:
     """Return whether no process touches a file, watched until that is certain."""
     if time.time() - os.stat(path).st_mtime > 10.0 * STILL:
         return True
-    _say_that_it_waits(path)
+    _report_wait(path)
     first, until = _touched(path), time.monotonic() + STILL
     while time.monotonic() < until:
         time.sleep(0.05 * STILL)
@@ -177,10 +177,12 @@ def _stands_still(path: Path) -> bool:
     return True
 
 
-def _say_that_it_waits(path: Path) -> None:
+def _report_wait(path: Path) -> None:
     """Write the reason of the wait to standard error."""
     with suppress(OSError, AttributeError):  # standard error may be closed
-        sys.stderr.write(f"microslip: {path} is that of another run; watching for {STILL:.0f} s whether it is at work\n")
+        sys.stderr.write(
+            f"microslip: {path} belongs to another run; waiting {STILL:.0f} s to see whether that run is still at work\n"
+        )
         sys.stderr.flush()
 
 

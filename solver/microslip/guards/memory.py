@@ -84,8 +84,8 @@ def worst(of_ranks: Sequence[Sequence[Limit]], needed: Sequence[float]) -> Short
 def limits_of_ranks(comm: MPI.Comm) -> list[list[Limit]]:
     """Return the limits of each rank, on every rank.  Collective: each rank queries its machine once."""
     give_back()
-    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    machine, resident = here.allreduce(comm.rank, op=MPI.MIN), here.allreduce(resident_memory())
-    here.Free()
+    of_machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    machine, resident = of_machine.allreduce(comm.rank, op=MPI.MIN), of_machine.allreduce(resident_memory())
+    of_machine.Free()
     limits = limits_here(f"machine {machine}", f"rank {comm.rank}", resident)
     return comm.allgather(limits)

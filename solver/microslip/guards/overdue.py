@@ -35,7 +35,7 @@ ABORTS = 32  # tag of the message to rank 0 from a rank that ends all ranks
 
 
 class _Thread:
-    """The thread."""
+    """The state of the thread that oversees signals."""
 
     sender: int | None = None  # of the pipe that wakes it
 
@@ -44,7 +44,7 @@ class _First:
     """The rank that saves, if it is another process of this machine."""
 
     process, start = 0, ""  # its number and start time; 0: none
-    last: int | None = None  # the last stop signal of this process
+    last: int | None = None  # the last stop signal that this process has received
 
 
 def pass_on_to_first(comm: MPI.Comm) -> None:
@@ -55,10 +55,9 @@ def pass_on_to_first(comm: MPI.Comm) -> None:
 
 
 def repeat_early_signal() -> None:
-    """Send the first rank and this process the signal that came while they started, if there is one.  Local.
+    """Repeat a stop signal that arrived during the start of the program: to the first rank and to this process.  Local.
 
-    Once both answer it; the thread, which it has woken before, passes on no other.  One that this process has answered since, but
-    before it knew the first, is passed on alone.
+    A signal that this process has handled already, but before it knew the process of the first rank, is only forwarded.
     """
     number = early_signal()
     to_first = _First.last if number is None else number
@@ -104,10 +103,10 @@ def _oversee(receiver: int) -> NoReturn:
         stopping = [number for number in numbers if number in STOPPING]
         if stopping and not is_concluded():
             _pass_on(stopping[0])
-            _see_to_the_end(signal.Signals(stopping[0]).name)
+            _ensure_end(signal.Signals(stopping[0]).name)
 
 
-def _see_to_the_end(name: str) -> None:
+def _ensure_end(name: str) -> None:
     """End the process if it does not handle a signal, or does not end after its message."""
     is_first = launcher_rank() == 0
     if not Answer.begun.wait(NOTICE) and is_first and not is_aborted():

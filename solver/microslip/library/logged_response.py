@@ -100,7 +100,7 @@ def follow_logged(
     levels = LevelLog(log, response.sweep, len(response.settings.levels), shown, names)
     stops = Stops(log, writer.save, options.limit)
     try:
-        with stops.in_force():
+        with stops.saving_if_interrupted():
             branches = follow(response, [levels, writer, stops], n_groups, log, checkpointers, False, options.divides)
         if not in_turn(response, n_groups, options.divides) or writer.table_is_gone():
             writer.put_in_order(branches)

@@ -71,7 +71,7 @@ def number_of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> t
     ------
     CaseError : no pair of the joint has such a number
     """
-    numbers = np.flatnonzero(np.array(pairs.joint) == name)
+    numbers = pairs.of_joint(name)
     column = column_of(pairs, key)[numbers]
     stated = next((getattr(joint, key) for joint in scene.joints if joint.name == name), None)
     if isinstance(stated, float) and stated > 0.0:

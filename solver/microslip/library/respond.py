@@ -208,14 +208,14 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
     ------
     CaseError : an unknown joint, a wrong number of values, or negative values
     """
-    names, joint = tuple(dict.fromkeys(pairs.joint)), np.array(pairs.joint)
+    by_joint = pairs.by_joint()
     columns = {"friction": pairs.mu.copy(), "preload": pairs.N0.copy()}
     for key, values in of_joints.items():
-        for name, value in _by_joint(values, names).items():
-            of_joint = np.flatnonzero(joint == name)
+        for name, value in _by_joint(values, tuple(by_joint)).items():
             where = f"respond: {key} of joint {name!r}"
-            if len(of_joint) == 0:
-                raise CaseError(f"{where}: there is no such joint{hint(name, names)}")
+            if name not in by_joint:
+                raise CaseError(f"{where}: there is no such joint{hint(name, by_joint)}")
+            of_joint = by_joint[name]
             numbers = np.asarray(value, dtype=float)
             if numbers.shape not in ((), (len(of_joint),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
                 raise CaseError(

@@ -39,8 +39,7 @@ def unit_of_key(scene: Scene, key: str) -> str:
 
 def varied_numbers(scene: Scene, pairs: ContactPairs) -> list[Varied]:
     """Return the numbers of joints, loads and damping by which there are derivatives, in the order of the scene.  Local."""
-    names = tuple(dict.fromkeys(pairs.joint))
-    of_joints = [each for name in names for key in NUMBER_OF for each in _of_joint(scene, pairs, name, key)]
+    of_joints = [each for name in pairs.by_joint() for key in NUMBER_OF for each in _of_joint(scene, pairs, name, key)]
     level = Varied("level", units_of(scene).level, None, "level", np.zeros(0, dtype=int), np.array(1.0))
     return [*of_joints, level, *_damping(scene)]
 
@@ -52,7 +51,7 @@ def numbers_of_law(law: str) -> tuple[str, ...]:
 
 def _of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> list[Varied]:
     """Return a number of a joint; none where its law, or its pairs, do not have it."""
-    of = np.flatnonzero(np.array(pairs.joint) == name)
+    of = pairs.of_joint(name)
     law, joint = pairs.laws[of[0]], next((joint for joint in scene.joints if joint.name == name), None)
     if key not in numbers_of_law(law):
         return []

@@ -61,8 +61,7 @@ def depth_per_energy(wear: Wear, pairs: ContactPairs) -> np.ndarray:
     CaseError : no coefficient, no area, or Archard's law without friction
     """
     rates = np.zeros(pairs.n_pairs)
-    for name in dict.fromkeys(pairs.joint):
-        of_joint = np.flatnonzero(np.array(pairs.joint) == name)
+    for name, of_joint in pairs.by_joint().items():
         coefficient, area = wear.coefficient_of(name), pairs.area[of_joint]
         if coefficient is None:
             raise CaseError(f"[wear] coefficient: that of joint {name!r} is missing; 0 if it does not wear")

@@ -83,14 +83,14 @@ def attach(mesh: Mesh, tables: StructureTables, n_places: int, outside: sp.csr_m
     nodes = np.concatenate([np.zeros(0, dtype=np.int64), *(of_mass for of_mass, _ in masses)])
     position = _positions(mesh, tables)
     springs = [_ends(mesh, spring, i, n_places, place_of, position) for i, spring in enumerate(tables.springs, 1)]
-    ends = np.concatenate([np.zeros((0, 2), dtype=np.int64), *(of_mass for of_mass, _ in springs)])
+    ends = np.concatenate([np.zeros((0, 2), dtype=np.int64), *(of_spring for of_spring, _ in springs)])
     along = np.concatenate([np.zeros((0, 3)), *(direction for _, direction in springs)])
     for what, at, used in (
         ("[[masses]]", nodes, np.ones((len(nodes), 3))),
         ("[[springs]]", ends[:, 0], along),
         ("[[springs]]", ends[:, 1], along),
     ):
-        _check_led(mesh, what, at, used, is_loose, n_places)
+        _check_held(mesh, what, at, used, is_loose, n_places)
     return Attached(
         position[nodes],
         np.concatenate([np.zeros(0), *(np.full(len(of_mass), mass) for of_mass, mass in masses)]),
@@ -105,7 +105,7 @@ def _of_each(springs: list[tuple[np.ndarray, np.ndarray]], values: list[float]) 
     return np.concatenate([np.zeros(0), *(np.full(len(ends), value) for (ends, _), value in zip(springs, values, strict=True))])
 
 
-def _check_led(mesh: Mesh, what: str, nodes: np.ndarray, used: np.ndarray, is_loose: np.ndarray, n_places: int) -> None:
+def _check_held(mesh: Mesh, what: str, nodes: np.ndarray, used: np.ndarray, is_loose: np.ndarray, n_places: int) -> None:
     """Raise MeshError for nodes outside the elements that a mass or spring moves in a free direction."""
     at = 3 * nodes[:, None] + np.arange(3)
     wrong = (nodes[:, None] >= 0) & (used != 0.0) & is_loose[at]

@@ -123,5 +123,5 @@ def _components(first: np.ndarray, second: np.ndarray, n: int) -> tuple[int, np.
     return connected_components(graph, directed=False)
 
 
-def _centre(mesh: Mesh, mine: np.ndarray) -> str:
-    return f"{place(mesh.points[mine].mean(axis=0))} m"
+def _centre(mesh: Mesh, is_member: np.ndarray) -> str:
+    return f"{place(mesh.points[is_member].mean(axis=0))} m"

@@ -13,6 +13,7 @@ from ..messages.words import counted, place
 from ..tables.constant_loads import Bolt
 from .data import Mesh
 from .plane_cut import is_below
+from .surface import n_corners
 
 MOST_TURN = 45.0  # degrees between a face of the cut and the mean normal
 
@@ -87,10 +88,10 @@ def cut_through(mesh: Mesh, bolt: Bolt) -> Cut:
         side = np.where(is_below(mesh, near.centre, plane), -1, 1) * (1 if normal @ plane[1] > 0.0 else -1)
     numbers: dict[tuple[str, str], np.ndarray] = {}
     for b in np.unique(near.block):
-        mine = (near.block == b) & touches & (side > 0)
+        is_above = (near.block == b) & touches & (side > 0)
         block = mesh.elements[b]
         key = (block.kind, block.group)
-        numbers[key] = np.concatenate([numbers.get(key, np.empty(0, dtype=np.int64)), block.numbers[near.row[mine]]])
+        numbers[key] = np.concatenate([numbers.get(key, np.empty(0, dtype=np.int64)), block.numbers[near.row[is_above]]])
     return Cut(nodes, normal, area, {key: np.sort(above) for key, above in numbers.items() if len(above)})
 
 
@@ -118,8 +119,7 @@ def _elements_near(mesh: Mesh, nodes: np.ndarray) -> _Near:
         for face_kind, local in kind.faces:
             faces = block.nodes[near][:, list(local)]
             owners.append(n + np.arange(len(near)))
-            ring = faces[:, : 3 if face_kind.startswith("tri") else 4]
-            corners.append(np.sort(ring if ring.shape[1] == 4 else np.column_stack([ring, ring.min(axis=1)]), axis=1))
+            corners.append(_padded(faces[:, : n_corners(face_kind)]))
             vectors.append(-elements.pressure_forces(face_kind, mesh.points[faces]).sum(axis=1))
             of_faces += list(faces)
         n += len(near)
@@ -132,7 +132,7 @@ def _elements_near(mesh: Mesh, nodes: np.ndarray) -> _Near:
 def _faces_of_cut(mesh: Mesh, group: str, near: _Near, where: str) -> np.ndarray:
     """Return which faces belong to the cut, (n_faces,); each twice, from both sides."""
     is_inner = np.bincount(near.label)[near.label] == 2
-    named = [block.nodes[:, : 3 if block.kind.startswith("tri") else 4] for block in mesh.faces if block.group == group]
+    named = [block.nodes[:, : n_corners(block.kind)] for block in mesh.faces if block.group == group]
     if named:
         wanted = np.unique(np.concatenate([_padded(faces) for faces in named]), axis=0)
         both, index = np.unique(np.concatenate([wanted, near.corners]), axis=0, return_inverse=True)
@@ -154,6 +154,7 @@ def _faces_of_cut(mesh: Mesh, group: str, near: _Near, where: str) -> np.ndarray
 
 
 def _padded(faces: np.ndarray) -> np.ndarray:
+    """Return the sorted corners of faces, (n, 4); the lowest one twice for triangles."""
     return np.sort(faces if faces.shape[1] == 4 else np.column_stack([faces, faces.min(axis=1)]), axis=1)
 
 
@@ -238,7 +239,7 @@ def _node_at_end(mesh: Mesh, near: _Near, in_cut, of_face, is_cut) -> int:
     for node in np.flatnonzero(is_cut):
         members = np.array([node in mesh.elements[b].nodes[row] for b, row in zip(near.block, near.row)])
         piece = _pieces(near, members, ~in_cut)
-        mine = in_cut & members[near.owner]
-        if len(np.intersect1d(*(piece[near.owner[mine & (of_face == sign)]] for sign in (-1.0, 1.0)))):
+        at_node = in_cut & members[near.owner]
+        if len(np.intersect1d(*(piece[near.owner[at_node & (of_face == sign)]] for sign in (-1.0, 1.0)))):
             return int(node)
     return int(np.flatnonzero(is_cut)[0])

@@ -19,8 +19,8 @@ from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
 from .data import Mesh
 from .projection import Projection, project_on_surface
-from .surface import outward_faces, surface_of
-from .ties import TOUCHING, facet_size, on_facets
+from .surface import nodes_of, outward_faces, surface_of
+from .ties import TOUCHING, facet_size, on_facets, resolved
 
 TOLERANCE = 1e-5  # of the mesh's diagonal: default tolerance
 OF_FACETS = 0.05  # of the size of the facets: default tolerance of non-matching faces
@@ -122,7 +122,7 @@ class _Meeting:
         """Return the distances for one angle.  Local, rank 0.  Raises MeshError: a group of nodes without a face."""
         assert cyclic.faces is not None, "with two faces"
         faces = tuple(outward_faces(mesh, group) for group in cyclic.faces)
-        low, high = (np.unique(np.concatenate([of_kind.ravel() for of_kind in each.values()])) for each in faces)
+        low, high = map(nodes_of, faces)
         points = mesh.points.copy()
         points[low] = turned_about(points[low], rotation(cyclic.axis, angle), cyclic.axis_point)
         on_high, on_low = (project_on_surface(points, faces[i], points[(low, high)[1 - i]]) for i in (1, 0))
@@ -183,8 +183,7 @@ def in_next_sector(mesh: Mesh, group: str, cyclic: Cyclic) -> Mesh:
     ------
     MeshError : the group has no faces
     """
-    faces = outward_faces(mesh, group)
-    nodes = np.unique(np.concatenate([of_kind.ravel() for of_kind in faces.values()]))
+    nodes = nodes_of(outward_faces(mesh, group))
     points = mesh.points.copy()
     points[nodes] = turned_about(points[nodes], rotation(cyclic.axis, cyclic.angle), cyclic.axis_point)
     return replace(mesh, points=points)
@@ -272,10 +271,7 @@ def followers(
     n_dof, rows, of_high = weights.shape[1], rows_of(faces.high), faces.weights.tocoo()
     whole = sp.csr_matrix((of_high.data, (rows[of_high.row], of_high.col)), (n_dof, n_dof))
     follow = np.sort(rows[~is_fixed[faces.high].ravel()])
-    stays = np.ones(n_dof)
-    stays[dependent] = 0.0
-    onward = sp.csr_matrix((np.ones(len(dependent)), (dependent, np.arange(len(dependent)))), (n_dof, len(dependent))) @ weights
-    return follow, (whole[follow] @ (sp.diags(stays) + onward)).tocsr()
+    return follow, resolved(dependent, weights, whole[follow])
 
 
 def _refuse_followers(mesh: Mesh, faces: CyclicFaces, dependent: np.ndarray, weights: sp.csr_matrix) -> None:

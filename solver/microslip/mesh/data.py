@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -61,7 +61,6 @@ class Mesh:
     outside: Outside = field(default_factory=Outside)
     equations: Equations | None = None  # between nodes; n_nodes + k is node k of ``outside``
     touching_faces: frozenset[str] = frozenset()  # groups of touching faces, detected by geometry: some may overlap only partly
-
     planes: Mapping[str, np.ndarray] = field(default_factory=dict)  # of groups along a plane: a point, the normal, (2, 3)
 
     @property
@@ -145,6 +144,14 @@ class ContactPairs:
         """The number of contact pairs."""
         return len(self.k_t)
 
+    def of_joint(self, name: str) -> np.ndarray:
+        """Return the numbers of the pairs of a joint, ascending; empty if no pair belongs to it.  Local."""
+        return np.flatnonzero(np.array(self.joint, dtype=object) == name)
+
+    def by_joint(self) -> dict[str, np.ndarray]:
+        """Return the numbers of the pairs of each joint that has any, by the name of the joint.  Local."""
+        return {name: self.of_joint(name) for name in dict.fromkeys(self.joint)}
+
     def sides(self, n_nodes: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
         """Return the weights of the nodes of Mesh.points on each side, (n_pairs, n_nodes); ground has no weights."""
         given = ((self.weights1, self.node1), (self.weights2, self.node2))
@@ -161,6 +168,11 @@ class ContactPairs:
         """The parameters of laws, (n_pairs, ...) each."""
         names = ("mu", "N0", "k_t", "k_n", "separate", "T0", "open_at_rest", "w0")
         return {name: getattr(self, name) for name in names} | dict(self.law_columns)
+
+
+def stacked(parts: Sequence):
+    """Return arrays, or sparse matrices, of several parts joined along the first axis.  Local."""
+    return sp.vstack(parts).tocsr() if sp.issparse(parts[0]) else np.concatenate(parts)
 
 
 def on_nodes(nodes: np.ndarray, n_nodes: int) -> sp.csr_matrix:

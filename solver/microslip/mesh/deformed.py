@@ -17,13 +17,13 @@ def stretched(mesh: Mesh, joints: Sequence[Joint], pairs: ContactPairs, u: np.nd
     of ``Mesh.points``.
     """
     weights = abs(pairs.sides(len(mesh.points))[0])
-    names, ratio, turns = np.array(pairs.joint), np.ones(pairs.n_pairs), {}
+    ratio, turns = np.ones(pairs.n_pairs), {}
     deformed = replace(mesh, points=mesh.points + u)
     for joint in joints:
         before, now = (surface_of(state, joint.groups[0]) for state in (mesh, deformed))
         of_nodes = np.ones(len(mesh.points))
         of_nodes[before.nodes] = now.areas / before.areas
-        of_joint = np.flatnonzero(names == joint.name)
+        of_joint = pairs.of_joint(joint.name)
         ratio[of_joint] = (weights[of_joint] @ of_nodes) / weights[of_joint].sum(axis=1).A1
         across = np.linalg.norm(np.cross(before.normals, now.normals), axis=1)
         turns[joint.name] = float(np.arcsin(np.minimum(across, 1.0)).max())

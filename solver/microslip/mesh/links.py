@@ -17,7 +17,7 @@ from .data import Mesh
 from .equations import solve_equations, translations
 from .locate import find_node
 from .reference_points import of_distributing, of_equations, of_rigid
-from .ties import Follower, check_joints, of_tie
+from .ties import Follower, check_joints, of_tie, resolved
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -106,7 +106,7 @@ def _within(mesh: Mesh, tables: StructureTables) -> Links:
     more_joined, holding, notes = np.zeros((2, 0), dtype=np.int64), np.zeros(0, dtype=np.int64), links.notes
     if mesh.equations is not None:
         solved = solve_equations(mesh, [point.name for point in links.points], is_fixed, dependent, weights)
-        weights = sp.vstack([_onward(solved.dependent, solved.weights, weights), solved.weights]).tocsr()
+        weights = sp.vstack([resolved(solved.dependent, solved.weights, weights), solved.weights]).tocsr()
         dependent = np.concatenate([dependent, solved.dependent])
         more_joined, holding = solved.joined // 3, solved.grounded // 3
         notes += (
@@ -169,14 +169,6 @@ def _on_nodes(links: Links, places: np.ndarray) -> np.ndarray:
     nodes = np.concatenate([np.arange(links.n_nodes), np.repeat([links.node_of(point.name) for point in links.points], 2)])
     inside = (places < links.n_places).all(axis=0)
     return nodes.astype(np.int64)[places[:, inside]]
-
-
-def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) -> sp.csr_matrix:
-    """Return rows of weights with dependent places replaced by the places that they follow."""
-    n_dof, m = rows.shape[1], len(dependent)
-    stays = np.ones(n_dof)
-    stays[dependent] = 0.0
-    return (rows @ (sp.diags(stays) + sp.csr_matrix((np.ones(m), (dependent, np.arange(m))), (n_dof, m)) @ weights)).tocsr()
 
 
 def _ties_and_points(mesh: Mesh, tables: StructureTables) -> Links:
@@ -250,17 +242,15 @@ def _independent(mesh: Mesh, followers: Sequence[Follower], dependent: np.ndarra
     """
     inner = weights[:, dependent]
     _, ring = connected_components(inner, directed=True, connection="strong")
-    round_and_round = np.flatnonzero((np.bincount(ring)[ring] > 1) | (inner.diagonal() != 0.0))
-    if len(round_and_round):
-        node = dependent[round_and_round[0]] // 3
-        whats = dict.fromkeys(
-            follower.what for follower in followers if np.isin(dependent[round_and_round], follower.dependent).any()
-        )
+    in_ring = np.flatnonzero((np.bincount(ring)[ring] > 1) | (inner.diagonal() != 0.0))
+    if len(in_ring):
+        node = dependent[in_ring[0]] // 3
+        names = dict.fromkeys(follower.what for follower in followers if np.isin(dependent[in_ring], follower.dependent).any())
         raise MeshError(
-            f"{mesh.path}: {' and '.join(whats)} follow each other in a ring, at node {mesh.numbers[node]} "
+            f"{mesh.path}: {' and '.join(names)} follow each other in a ring, at node {mesh.numbers[node]} "
             f"{place(mesh.points[node])} m among others; leave one of them out, or swap its surfaces"
         )
     while weights[:, dependent].nnz:
-        weights = _onward(dependent, weights, weights)
+        weights = resolved(dependent, weights, weights)
         weights.eliminate_zeros()
     return weights

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..formats.model import index_of
 from ..messages.errors import CaseError, MeshError
 from ..messages.words import place
 from ..tables.structure_tables import StructureTables
@@ -77,15 +78,14 @@ def nodes_numbered(numbers: np.ndarray, named: np.ndarray, lines: list[int], pat
     ------
     CaseError : a node outside all bodies, with the number of its line
     """
-    order = np.argsort(numbers, kind="stable")
-    at = order[np.minimum(np.searchsorted(numbers, named, sorter=order), len(numbers) - 1)]
-    unknown = np.flatnonzero(numbers[at] != named)
+    index, unknown = index_of(numbers, named)
     if len(unknown):
+        first = int(np.argmax(np.isin(named, unknown)))
         raise CaseError(
-            f"{path}, line {lines[unknown[0]]}: node = {named[unknown[0]]:g}: no element of a body has a node of this number; "
+            f"{path}, line {lines[first]}: node = {named[first]:g}: no element of a body has a node of this number; "
             f"node numbers run from {numbers.min()} to {numbers.max()}"
         )
-    return at
+    return index
 
 
 def nearest_node(mesh: Mesh, position) -> tuple[int, float]:

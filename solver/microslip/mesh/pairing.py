@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
@@ -14,7 +13,7 @@ from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, heaviest
 from .cyclic import cyclic_faces, in_next_sector
-from .data import ContactPairs, Mesh
+from .data import ContactPairs, Mesh, stacked
 from .ground import grounded
 from .listed import listed_nodes
 from .matching import NotMatching, matching_nodes
@@ -59,7 +58,7 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint], cyclic: Cyclic | None = N
             notes += [note for note in (points.note, penetration) if note]
             n_pairs += points.n_points
     faults.refuse()
-    joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "law_columns")}
+    joined = {name: stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "law_columns")}
     joined["law_columns"] = joined_columns([(len(part["area"]), part["law_columns"]) for part in parts])
     names = tuple(name for part in parts for name in part["joint"])
     return ContactPairs(joint=names, faces=tuple(faces), notes=tuple(notes), **joined)
@@ -89,10 +88,6 @@ def _no_pairs() -> ContactPairs:
     return ContactPairs(
         (), nodes, nodes, np.zeros((0, 3)), np.zeros((0, 3, 3)), none, none, none, none, none, np.zeros(0, dtype=bool), ()
     )
-
-
-def _stacked(parts: list):
-    return sp.vstack(parts).tocsr() if sp.issparse(parts[0]) else np.concatenate(parts)
 
 
 def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:

@@ -39,9 +39,9 @@ def distribute(mesh: Mesh | None, tables: StructureTables, comm: MPI.Comm) -> Di
 
     def plan():
         assert mesh is not None, "rank 0 has it"
-        elements = _dual_graph(mesh)
-        part, split_by = _parts(mesh, elements, comm.size)
-        order, rank_order, node_ranges = _order(mesh, elements, part, comm.size)
+        graph = _dual_graph(mesh)
+        part, split_by = _parts(mesh, graph, comm.size)
+        order, rank_order, node_ranges = _order(mesh, graph, part, comm.size)
         shares.extend(_shares(mesh, tables, order, rank_order, node_ranges))
         return node_ranges, rank_order, split_by
 
@@ -123,10 +123,10 @@ def _shares(mesh: Mesh, tables: StructureTables, order, rank_order, node_ranges)
         along = np.argsort(position[start : start + n_elements])
         start += n_elements
         for rank in range(n_ranks):
-            mine = along[(owner[along] == rank).any(axis=1)]
-            if len(mine):
-                of_mesh, rise = block.nodes[mine], rises.get(body_of[block.group], 0.0)
+            rows = along[(owner[along] == rank).any(axis=1)]
+            if len(rows):
+                of_mesh, rise = block.nodes[rows], rises.get(body_of[block.group], 0.0)
                 rise = rise[of_mesh] if isinstance(rise, np.ndarray) else rise
                 body = body_of[block.group]
-                shares[rank].append(LocalBlock(block.kind, body, nodes[mine], mesh.points[of_mesh], block.numbers[mine], rise))
+                shares[rank].append(LocalBlock(block.kind, body, nodes[rows], mesh.points[of_mesh], block.numbers[rows], rise))
     return [tuple(share) for share in shares]

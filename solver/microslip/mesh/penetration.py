@@ -64,8 +64,8 @@ def check_sunk(mesh: Mesh, joint: Joint, first: Surface, second: Surface, foot: 
 def _too_deep(joint: Joint, allowed: float, depth: float) -> str:
     bound = f"{DRAWN:.0%} of the size of their faces" if joint.tolerance is None else "the joint's tolerance"
     return (
-        f"more than {bound}, {allowed:.3g} m: move the bodies apart; where they are only drawn so, state "
-        f"tolerance = {_rounded_up(depth):g} (m) in the joint, and they touch there, or have the gap stated"
+        f"more than {bound}, {allowed:.3g} m: move the bodies apart; where only the mesh penetrates, state "
+        f"tolerance = {_rounded_up(depth):g} (m) in the joint: they then touch there, or have the stated gap"
     )
 
 

@@ -35,7 +35,7 @@ class Projection:
     beyond: np.ndarray  # (n,) m, its component across the normal: distance of the point beyond an edge
 
     def of(self, rows: np.ndarray) -> Projection:
-        """Return the projection of some of the points.  Local."""
+        """Return the projection of chunk of the points.  Local."""
         return Projection(*(getattr(self, column.name)[rows] for column in fields(self)))
 
 
@@ -59,11 +59,11 @@ class _Facets:
         """Return xi (m, 2), foot (m, 3) and distance (m,) of each point on its facet."""
         xi, foot = np.zeros((len(facet), 2)), np.zeros((len(facet), 3))
         for kind, faces, start, end in zip(self.kinds, self.faces, self.first[:-1], self.first[1:], strict=True):
-            mine = np.flatnonzero((facet >= start) & (facet < end))
-            if len(mine):
-                corners = self.points[faces[facet[mine] - start]]
-                xi[mine] = nearest_on_faces(kind, corners, queries[mine])[0]
-                foot[mine] = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi[mine]), corners)
+            rows = np.flatnonzero((facet >= start) & (facet < end))
+            if len(rows):
+                corners = self.points[faces[facet[rows] - start]]
+                xi[rows] = nearest_on_faces(kind, corners, queries[rows])[0]
+                foot[rows] = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi[rows]), corners)
         return xi, foot, np.linalg.norm(foot - queries, axis=1)
 
 
@@ -88,9 +88,9 @@ def project_on_surface(points: np.ndarray, faces: Mapping[str, np.ndarray], quer
     of_nodes = cKDTree(points[np.unique(np.concatenate([nodes.ravel() for nodes in facets.faces]))])
     facet, xi = np.zeros(len(queries), dtype=np.int64), np.zeros((len(queries), 2))
     for start in range(0, len(queries), _CHUNK):
-        some = slice(start, start + _CHUNK)
-        near = _candidates(trees, queries[some], of_nodes.query(queries[some])[0], facets)
-        facet[some], xi[some] = _nearest(facets, queries[some], *near)
+        chunk = slice(start, start + _CHUNK)
+        near = _candidates(trees, queries[chunk], of_nodes.query(queries[chunk])[0], facets)
+        facet[chunk], xi[chunk] = _nearest(facets, queries[chunk], *near)
     return _described(facets, facet, xi, queries)
 
 
@@ -152,12 +152,12 @@ def _described(facets: _Facets, facet: np.ndarray, xi: np.ndarray, queries: np.n
     face = facet - facets.first[facet_index]
     nodes, weights, normals = np.zeros((n, k), dtype=np.int64), np.zeros((n, k)), np.zeros((n, 3))
     for i, (kind, faces) in enumerate(zip(facets.kinds, facets.faces, strict=True)):
-        mine, m = np.flatnonzero(facet_index == i), faces.shape[1]
-        corners = faces[face[mine]]
-        nodes[mine, :m], nodes[mine, m:] = corners, corners[:, :1]
-        weights[mine, :m] = snapped(FACE_KINDS[kind].values(xi[mine]))
-        t1, t2 = np.einsum("fra,fai->rfi", FACE_KINDS[kind].derivatives(xi[mine]), facets.points[corners])
-        normals[mine] = np.cross(t1, t2)
+        rows, m = np.flatnonzero(facet_index == i), faces.shape[1]
+        corners = faces[face[rows]]
+        nodes[rows, :m], nodes[rows, m:] = corners, corners[:, :1]
+        weights[rows, :m] = snapped(FACE_KINDS[kind].values(xi[rows]))
+        t1, t2 = np.einsum("fra,fai->rfi", FACE_KINDS[kind].derivatives(xi[rows]), facets.points[corners])
+        normals[rows] = np.cross(t1, t2)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
     foot = np.einsum("fa,fai->fi", weights, facets.points[nodes])

@@ -145,12 +145,12 @@ def _equations(file: FileModel, tables: StructureTables, new: np.ndarray, outsid
     """Return the file's equations between nodes of the mesh, with rotations of points in the scene's unit of length."""
     if file.equations is None or not tables.has_equations:
         return None
-    independent = new.copy()
-    independent[outside] = new[-1] + 1 + np.arange(len(outside))  # new[-1] + 1 nodes are used
+    places = new.copy()
+    places[outside] = new[-1] + 1 + np.arange(len(outside))  # new[-1] + 1 nodes are used
     given = file.equations
-    turned = np.where(given.axes < 3, 1.0, float(tables.model.metres))
-    nodes = np.where(given.nodes < 0, given.nodes, independent[given.nodes])
-    return replace(given, nodes=nodes, coefficients=turned * given.coefficients)
+    scale = np.where(given.axes < 3, 1.0, float(tables.model.metres))
+    nodes = np.where(given.nodes < 0, given.nodes, places[given.nodes])
+    return replace(given, nodes=nodes, coefficients=scale * given.coefficients)
 
 
 def _check_kinds(body: str, group: str, file: FileModel) -> None:
@@ -183,23 +183,23 @@ def _elements_of_kind(kind: str, file: FileModel, tables: StructureTables, notes
     names, n_unique = list(tables.bodies), same.max() + 1
     body = np.full(n_unique, -1)
     for i, name in enumerate(names):
-        mine = same[_rows(file.groups[tables.bodies[name].group], start)]
-        if (body[mine] >= 0).any():
-            first = mine[np.argmax(body[mine] >= 0)]
+        members = same[_rows(file.groups[tables.bodies[name].group], start)]
+        if (body[members] >= 0).any():
+            first = members[np.argmax(body[members] >= 0)]
             raise MeshError(
                 f"{kind} element {numbers[same == first][0]} belongs to body {names[body[first]]!r} and to "
                 f"body {name!r}; each element must belong to one body"
             )
-        body[mine] = i
+        body[members] = i
     if (body < 0).any():
         notes.append(_left_out(kind, numbers, same, body, file, start))
     first = np.unique(same, return_index=True)[1]  # the first copy of each element, in the order of the file
     first = np.sort(first)
     of_groups = []
     for i, name in enumerate(names):
-        mine = first[body[same[first]] == i]
-        if len(mine):
-            of_groups.append(ElementBlock(kind, tables.bodies[name].group, nodes[mine], numbers[mine]))
+        members = first[body[same[first]] == i]
+        if len(members):
+            of_groups.append(ElementBlock(kind, tables.bodies[name].group, nodes[members], numbers[members]))
     return of_groups
 
 
@@ -220,9 +220,9 @@ def _left_out(kind: str, numbers: np.ndarray, same: np.ndarray, body: np.ndarray
     left_out = body < 0
     holders, is_named = [], np.zeros(len(body), dtype=bool)
     for name, group in file.groups.items():
-        mine = same[_rows(group, start)]
-        is_named[mine] = True
-        if left_out[mine].any():
+        members = same[_rows(group, start)]
+        is_named[members] = True
+        if left_out[members].any():
             holders.append(name)
     lost = np.flatnonzero(left_out & ~is_named)
     if len(lost):

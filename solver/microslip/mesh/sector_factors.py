@@ -151,7 +151,7 @@ def pairs_of_all_sectors(pairs: ContactPairs, n_nodes: int, cyclic: Cyclic, fact
     tiled |= {name: tiled[name] * stiffer for name in ("k_t", "k_n")}
     by_y = {"mu_y": of_pair["friction"], "k_ty": stiffer}
     columns = {name: np.tile(values, N) * by_y.get(name, 1.0) for name, values in pairs.law_columns.items()}
-    lead = cyclic.wave_number * cyclic.angle * sector  # phase of the wave: equal sectors start as in a computation of one
+    lead = cyclic.wave_number * cyclic.angle * sector  # phase of the wave: equal sectors start as in a single-sector model
     columns["start"] = np.nan_to_num(columns.get("start", np.zeros(N * n))) - lead
     faces = tuple(face + s * n for s in range(N) for face in pairs.faces)
     return replace(pairs, joint=pairs.joint * N, faces=faces, weights1=None, weights2=None, law_columns=columns, **tiled)

@@ -13,7 +13,7 @@ import shapely
 from .. import elements
 from ..messages.errors import MeshError
 from .cells import Cells, outlines
-from .data import Mesh
+from .data import Mesh, stacked
 from .near import pairs_within, trees_by_size
 from .surface import Surface
 
@@ -37,12 +37,7 @@ class Shared:
 
 def joined(parts: Sequence[Shared]) -> Shared:
     """Return the intersections of cells of several kinds, one kind after the other.  Local."""
-
-    def join(name: str):
-        values = [getattr(part, name) for part in parts]
-        return sp.vstack(values).tocsr() if sp.issparse(values[0]) else np.concatenate(values)
-
-    return Shared(**{field.name: join(field.name) for field in fields(Shared)})
+    return Shared(**{field.name: stacked([getattr(part, field.name) for part in parts]) for field in fields(Shared)})
 
 
 class _Integrals:

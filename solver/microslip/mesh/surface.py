@@ -36,7 +36,7 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     MeshError : no faces, faces inside a body, or an edge too sharp for one normal per node
     """
     faces = outward_faces(mesh, group)
-    nodes = np.unique(np.concatenate([nodes_of_faces.ravel() for nodes_of_faces in faces.values()]))
+    nodes = nodes_of(faces)
     area_normals, areas, parts = np.zeros((len(nodes), 3)), np.zeros(len(nodes)), []
     for kind, nodes_of_faces in faces.items():
         at = np.searchsorted(nodes, nodes_of_faces)
@@ -52,6 +52,11 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     return Surface(group, faces, nodes, normals, areas)
 
 
+def nodes_of(faces: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the nodes of faces (n_faces, n_face_nodes) by kind, at least one kind, ascending.  Local."""
+    return np.unique(np.concatenate([of_kind.ravel() for of_kind in faces.values()]))
+
+
 def on_mesh(mesh: Mesh, side: Surface) -> np.ndarray:
     """Return the normals of a surface at the nodes of the mesh, (n_nodes, 3), 0 elsewhere.  Local, rank 0."""
     normals = np.zeros(mesh.points.shape)
@@ -65,13 +70,20 @@ def face_size(side: Surface) -> float:
 
 
 def outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
-    """Return the faces of the group by kind, in the order of the elements: corners counter-clockwise seen from outside."""
+    """Return the outer faces of a group by kind, in the order of the elements: corners counter-clockwise seen from outside.
+
+    Local, rank 0.
+
+    Raises
+    ------
+    MeshError : the group has no outer face, or names faces that are not outer faces
+    """
     outer: dict[str, np.ndarray] = {}
     named: dict[int, list[np.ndarray]] = {}
     n_inside = 0
     for block in mesh.faces:
         if block.group == group:
-            named.setdefault(_n_corners(block.kind), []).append(_key(block.nodes, block.kind))
+            named.setdefault(n_corners(block.kind), []).append(_key(block.nodes, block.kind))
     for kind, faces in _faces_within(mesh, mesh.node_groups[group]).items():
         key = _key(faces, kind)
         _, index, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
@@ -107,7 +119,7 @@ def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray
     """Return the outer faces named by the group; MeshError if it names other faces."""
     groups, n_matched = {}, 0
     for kind, faces in outer.items():
-        wanted = named.get(_n_corners(kind), np.empty((0, _n_corners(kind)), dtype=np.int64))
+        wanted = named.get(n_corners(kind), np.empty((0, n_corners(kind)), dtype=np.int64))
         groups[kind] = faces[isin_rows(_key(faces, kind), wanted)]
         n_matched += len(groups[kind])
     n_named = sum(len(np.unique(keys, axis=0)) for keys in named.values())
@@ -120,12 +132,13 @@ def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray
     return groups
 
 
-def _n_corners(kind: str) -> int:
+def n_corners(kind: str) -> int:
+    """Return the number of corners of a kind of face, also of kinds that elements do not have, such as "quad9".  Local."""
     return 3 if kind.startswith("tri") else 4
 
 
 def _key(faces: np.ndarray, kind: str) -> np.ndarray:
-    return np.sort(faces[:, : _n_corners(kind)], axis=1)
+    return np.sort(faces[:, : n_corners(kind)], axis=1)
 
 
 def isin_rows(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:

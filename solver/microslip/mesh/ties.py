@@ -18,7 +18,7 @@ from ..tables.structure import Tie
 from ..tables.structure_tables import StructureTables
 from .data import Mesh
 from .projection import Projection, project_on_surface
-from .surface import face_keys, outward_faces
+from .surface import face_keys, nodes_of, outward_faces
 
 Faces = Mapping[str, np.ndarray]  # by kind, (n_faces, n_face_nodes) index into Mesh.points
 TOLERANCE = 0.05  # of the size of the facets: default tolerance
@@ -51,10 +51,8 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
     MeshError : fewer than ``LEAST`` of the nodes lie near the facets
     """
     first, second = (outward_faces(mesh, group) for group in tie.surfaces)
-    nodes, slave_nodes = (
-        np.unique(np.concatenate([nodes_of_faces.ravel() for nodes_of_faces in faces.values()])) for faces in (first, second)
-    )
-    is_shared, is_taken = np.isin(nodes, slave_nodes), taken[nodes]
+    nodes = nodes_of(first)
+    is_shared, is_taken = np.isin(nodes, nodes_of(second)), taken[nodes]
     projection = project_on_surface(mesh.points, second, mesh.points[nodes])
     size = facet_size(mesh, second)
     tolerance = TOLERANCE * size if tie.tolerance is None else tie.tolerance
@@ -111,14 +109,14 @@ def on_facets(mesh: Mesh, projection: Projection, points: np.ndarray, touching: 
     away = points - projection.foot
     off = np.flatnonzero(projection.distance > touching)
     for kind in np.unique(projection.kind[off]):
-        mine = off[projection.kind[off] == kind]
+        rows = off[projection.kind[off] == kind]
         face = elements.FACE_KINDS[str(kind)]
-        slopes, m = face.derivatives(projection.xi[mine]), face.n_nodes
-        tangents = np.einsum("fra,fai->fri", slopes, mesh.points[projection.nodes[mine, :m]])
+        slopes, m = face.derivatives(projection.xi[rows]), face.n_nodes
+        tangents = np.einsum("fra,fai->fri", slopes, mesh.points[projection.nodes[rows, :m]])
         gradients = np.einsum("fra,fir->fai", slopes, np.linalg.pinv(tangents))
-        along = away[mine] - projection.gap[mine, None] * projection.normals[mine]
-        blocks[mine, :m] += np.einsum("fi,fai->fa", along, gradients)[:, :, None, None] * np.eye(3)
-        blocks[mine, :m] -= np.einsum("f,fai,fj->faij", projection.gap[mine], gradients, projection.normals[mine])
+        along = away[rows] - projection.gap[rows, None] * projection.normals[rows]
+        blocks[rows, :m] += np.einsum("fi,fai->fa", along, gradients)[:, :, None, None] * np.eye(3)
+        blocks[rows, :m] -= np.einsum("f,fai,fj->faij", projection.gap[rows], gradients, projection.normals[rows])
     row = np.broadcast_to(np.arange(3 * n).reshape(n, 1, 3, 1), (n, k, 3, 3))
     column = np.broadcast_to(3 * projection.nodes[:, :, None, None] + np.arange(3), (n, k, 3, 3))
     weights = sp.csr_matrix((blocks.ravel(), (row.ravel(), column.ravel())), (3 * n, 3 * n_places))
@@ -138,6 +136,15 @@ def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, projection: Projection,
         f"at {place(mesh.points[nodes[nearest_node]])} m, {projection.distance[nearest_node]:.3g} m from them; name the surfaces "
         "that touch, or state a larger tolerance"
     )
+
+
+def resolved(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) -> sp.csr_matrix:
+    """Return ``rows`` (k, n_dof) of weights with dependent degrees of freedom (m,) replaced by their ``weights`` (m, n_dof)."""
+    n_dof, m = rows.shape[1], len(dependent)
+    is_independent = np.ones(n_dof)
+    is_independent[dependent] = 0.0
+    of_dependent = sp.csr_matrix((np.ones(m), (dependent, np.arange(m))), (n_dof, m)) @ weights
+    return (rows @ (sp.diags(is_independent) + of_dependent)).tocsr()
 
 
 def check_joints(mesh: Mesh, tables: StructureTables, ties: Sequence[Follower]) -> None:

@@ -18,8 +18,10 @@ from ..messages.words import counted, place
 from ..tables.structure import Surface
 from ..tables.structure_tables import StructureTables
 from .data import FaceBlock, Mesh
+from .near import classes_of_size
 from .plane_cut import faces_through, plane_of
 from .skin import Skin, groups_of_bodies, skin_of_mesh
+from .surface import nodes_of
 
 NEAR = 0.1  # of the size of the larger of two faces: default tolerance of their distance
 TURNED = 45.0  # degrees: largest angle between the normal of a face and the stated normal
@@ -81,15 +83,15 @@ def _candidates(skin: Skin, tolerance: float | None, near: float) -> tuple[np.nd
     pairs = [np.zeros((2, 0), dtype=np.int64)]
     several = len(np.unique(skin.part)) > 1 or len(np.unique(skin.body)) > 1
     radius, size = skin.radius, skin.size
-    for mine in _by_size(radius) if several else ():
-        largest = radius[mine].max()
-        reach = tolerance if tolerance is not None else near * np.maximum(size, size[mine].max())
+    for members in classes_of_size(radius) if several else ():
+        largest = radius[members].max()
+        reach = tolerance if tolerance is not None else near * np.maximum(size, size[members].max())
         smaller = np.flatnonzero(radius <= largest)  # pairs with larger faces belong to other classes
         within = (radius + largest + reach)[smaller]
-        lists = cKDTree(skin.centre[mine]).query_ball_point(skin.centre[smaller], within, return_sorted=False)
+        lists = cKDTree(skin.centre[members]).query_ball_point(skin.centre[smaller], within, return_sorted=False)
         count = np.fromiter(map(len, lists), dtype=np.int64, count=len(lists))
         face = np.repeat(smaller, count)
-        other = mine[np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=count.sum())]
+        other = members[np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=count.sum())]
         close = (skin.body[face] != skin.body[other]) | (skin.part[face] != skin.part[other])
         close[close] = np.einsum("mi,mi->m", skin.normal[face[close]], skin.normal[other[close]]) < -_FACING
         pairs.append(np.stack([face[close], other[close]]))
@@ -98,12 +100,6 @@ def _candidates(skin: Skin, tolerance: float | None, near: float) -> tuple[np.nd
     close = distance <= radius[face] + radius[other] + _reach(skin, face, other, tolerance, near)
     close[close] = ~_share_a_node(skin, face[close], other[close])
     return face[close], other[close]
-
-
-def _by_size(radius: np.ndarray) -> list[np.ndarray]:
-    """Return the faces in classes of size, a factor of two each."""
-    exponent = np.frexp(np.maximum(radius, 1e-300))[1]
-    return [np.flatnonzero(exponent == e) for e in np.unique(exponent)]
 
 
 def _share_a_node(skin: Skin, face: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -136,28 +132,28 @@ def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | No
 def _points_of(skin: Skin, face: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a unique number for each sample point of some faces (k,), the points (k, 3), and the row of each."""
     most = max(map(len, _PLACES.values()))
-    numbers, points, rows = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
-    for kind, mine, nodes in _each_kind(skin, face):
+    numbers, points, rows_of_points = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
+    for kind, rows, nodes in _each_kind(skin, face):
         N = FACE_KINDS[kind].values(_PLACES[FACE_KINDS[kind].n_corners])
-        numbers.append((face[mine][:, None] * most + np.arange(len(N))).ravel())
+        numbers.append((face[rows][:, None] * most + np.arange(len(N))).ravel())
         points.append(np.einsum("pa,fai->fpi", N, skin.points[nodes]).reshape(-1, 3))
-        rows.append(np.repeat(mine, len(N)))
-    return np.concatenate(numbers), np.concatenate(points), np.concatenate(rows)
+        rows_of_points.append(np.repeat(rows, len(N)))
+    return np.concatenate(numbers), np.concatenate(points), np.concatenate(rows_of_points)
 
 
 def _each_kind(skin: Skin, face: np.ndarray):
     """Yield each kind of face with its rows of ``face`` and their nodes."""
     for (kind, nodes), start in zip(skin.faces.items(), skin.first):
-        mine = np.flatnonzero((face >= start) & (face < start + len(nodes)))
-        yield kind, mine, nodes[face[mine] - start]
+        rows = np.flatnonzero((face >= start) & (face < start + len(nodes)))
+        yield kind, rows, nodes[face[rows] - start]
 
 
 def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
     """Return for each point (k,) its distance from a face, the normal component [m], and whether its foot is within reach."""
     distance, gap = np.full(len(point), np.inf), np.zeros(len(point))
-    for kind, mine, nodes in _each_kind(skin, other):
-        for start in range(0, len(mine), _CHUNK):
-            at, corners = mine[start : start + _CHUNK], skin.points[nodes[start : start + _CHUNK]]
+    for kind, rows, nodes in _each_kind(skin, other):
+        for start in range(0, len(rows), _CHUNK):
+            at, corners = rows[start : start + _CHUNK], skin.points[nodes[start : start + _CHUNK]]
             xi, distance[at] = elements.nearest_on_faces(kind, corners, point[at])
             foot = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi), corners)
             gap[at] = np.einsum("fi,fi->f", point[at] - foot, skin.normal[other[at]])
@@ -186,7 +182,7 @@ def with_touching_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
         with faults.collected():
             by_kind, note = _touching_faces(mesh, skin, touching.get(surface.tolerance), surface, tables)
             blocks += [FaceBlock(kind, surface.name, nodes) for kind, nodes in by_kind.items()]
-            groups[surface.name] = np.unique(np.concatenate([nodes.ravel() for nodes in by_kind.values()]))
+            groups[surface.name] = nodes_of(by_kind)
             notes.append(f"surface {surface.name!r}: {note}")
     faults.refuse()
     names = mesh.touching_faces | {surface.name for surface in tables.surfaces}

@@ -15,6 +15,9 @@ from ..tables.joint import Joint, OfPoints
 from .contact_points import ContactPoints
 from .data import Mesh
 
+FAR = 0.1  # of the extent of a joint's points: largest accepted distance of a row from its nearest point
+PLACES = ("node", "x", "y", "z")
+
 
 def field_at_nodes(mesh: Mesh, field: str, nodes: np.ndarray, where: str, what: str) -> np.ndarray:
     """Return a field of the mesh, (n_nodes,), with values at all ``nodes`` (n,) of ``what``.
@@ -33,10 +36,6 @@ def field_at_nodes(mesh: Mesh, field: str, nodes: np.ndarray, where: str, what: 
             f"{mesh.numbers[missing[0]]}"
         )
     return mesh.fields[field]
-
-
-FAR = 0.1  # of the extent of a joint's points: largest accepted distance of a row from its nearest point
-PLACES = ("node", "x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -178,7 +177,7 @@ def _rows_of_nodes(
 ) -> np.ndarray:
     """Return the nodes of the rows of the table, (n_rows,), nodes of the first surface."""
     if {"x", "y", "z"} & table.keys():
-        raise CaseError(f"{path}: the header names node and x, y, z; a point is found by one of them")
+        raise CaseError(f"{path}: the header names node and x, y, z; state only one of them")
     nodes = _nodes_of(points)
     unknown = np.flatnonzero(~np.isin(table["node"], mesh.numbers[nodes]))
     if len(unknown):

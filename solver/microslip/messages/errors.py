@@ -1,4 +1,4 @@
-"""Errors that a user, a mesh, a solver or a machine can cause; each knows its exit status (docs/guide.md)."""
+"""Errors that a user, a mesh, a solver or a machine can cause; each class has an exit status (docs/guide.md)."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -37,7 +37,7 @@ class Faults:
 
     @contextmanager
     def collected(self) -> Iterator[None]:
-        """Keep a CaseError of this block, and go on after it.  Local."""
+        """Collect a CaseError of this block instead of raising it.  Local."""
         try:
             yield
         except CaseError as fault:
@@ -50,7 +50,7 @@ class Faults:
                 self._faults.append(fault)
 
     def refuse(self) -> None:
-        """Raise the collected faults: one as it is, several as SeveralErrors; do nothing where there is none.  Local."""
+        """Raise the collected faults, if any: a single one itself, several as SeveralErrors.  Local."""
         if len(self._faults) == 1:
             raise self._faults[0]
         if self._faults:
@@ -61,7 +61,7 @@ class Faults:
 
 
 def prefixed(fault: CaseError, text: str) -> CaseError:
-    """Return a fault with a text before it, before each of several.  Local."""
+    """Return a fault whose message starts with a text; of several faults in one message, each starts with it.  Local."""
     if not isinstance(fault, SeveralErrors):
         return type(fault)(f"{text}: {fault}")
     faults = Faults()
@@ -93,7 +93,7 @@ class Interrupted(MicroslipError):
 
 @contextmanager
 def naming(file: str) -> Iterator[None]:
-    """Put the scene's file before a problem that begins with one of its tables, met where the file is not known.  Local."""
+    """Add the scene's ``file`` to the message of a CaseError that starts with a [table]; other errors do not change.  Local."""
     try:
         yield
     except CaseError as problem:

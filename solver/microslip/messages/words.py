@@ -5,12 +5,12 @@ import math
 import re
 from collections.abc import Callable, Iterable
 
-_DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){50}""")  # a.a.a: TOML's reader takes the square of its length
-_LONGEST = 200  # letters that are compared: names come from files, too
+_DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){50}""")  # a.a.a: read in a time quadratic in its length
+_LONGEST = 200  # letters that are compared: names from files may be long
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word nearest to ``word``, capitals aside, or the first it abbreviates, or None.  Local."""
+    """Return the known word nearest to ``word``, ignoring case, or else the first that starts with it, or None.  Local."""
     by_lower = {name.lower()[:_LONGEST]: name for name in known}
     word = word.lower()[:_LONGEST]
     near = difflib.get_close_matches(word, by_lower, n=1)
@@ -25,7 +25,7 @@ def quoted(name: str) -> str:
 
 
 def hint(word: str, known: Iterable[str], shown: Callable[[str], str] = quoted) -> str:
-    """Return "; nearest is NAME" for a message, NAME as it is ``shown``; nothing where no known word is near.  Local."""
+    """Return "; nearest is NAME" for a message, NAME formatted by ``shown``; "" where no known word is near.  Local."""
     near = nearest(word, known)
     return f"; nearest is {shown(near)}" if near else ""
 
@@ -58,7 +58,7 @@ def is_deeply_nested(text: str) -> bool:
 
 
 def place(point: Iterable[float]) -> str:
-    """Return a point as messages show it: what rounding leaves of 0 is 0.  Local."""
+    """Return a point as text for messages, with 0 for coordinates that are only roundoff.  Local."""
     values = tuple(point)
     least = 1e-12 * max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     return "(" + ", ".join(f"{0.0 if abs(value) <= least else value:.6g}" for value in values) + ")"

@@ -27,8 +27,7 @@ class LevelLog:
     """
 
     def __init__(self, log: RunLog, sweep: Sweep, n_levels: int, shown: Shown = AMPLITUDE, outputs: Sequence[str] = ()):
-        self.outputs = outputs
-        self.log, self.n_levels, self.shown = log, n_levels, shown
+        self.log, self.n_levels, self.shown, self.outputs = log, n_levels, shown, outputs
         self.start, self.stop = sweep.start / 2.0 / np.pi, sweep.stop / 2.0 / np.pi
         self._levels: dict[int, float] = {}  # levels begun, by number
         self._mixed = False  # whether the line of a point names its level
@@ -42,7 +41,7 @@ class LevelLog:
             f"{'newton':>6} {'gmres':>5} {'seconds':>8}"
         )
         head = f"{self._name(number)}, {self.start:.6g} to {self.stop:.6g} Hz" + (f", on {where}" if where else "")
-        self._line(f"{head}\n{self._of('level_N')}{columns}")
+        self._line(f"{head}\n{self._level_column('level_N')}{columns}")
         self.log.screen.bar(self._name(number), self.start, self.stop)
 
     def point(self, number: int, i: int, point: Point) -> None:
@@ -50,7 +49,7 @@ class LevelLog:
         frequency, size = point.omega / 2.0 / np.pi, float(self.shown.of(point.response[0]))
         _, n_slip, n_open = counts(point.state)
         self._line(
-            f"{self._of(f'{self._levels[number]:.6g}')}{i:>7} {frequency:>12.8g} {size:>12.5e} {n_slip:>5} {n_open:>5} "
+            f"{self._level_column(f'{self._levels[number]:.6g}')}{i:>7} {frequency:>12.8g} {size:>12.5e} {n_slip:>5} {n_open:>5} "
             f"{point.unknowns:>8} {point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}"
         )
         self.log.screen.advance(self._name(number), frequency, size, n_slip + n_open, i + 1, self.shown.unit)
@@ -63,13 +62,13 @@ class LevelLog:
             self.log.note(line)
 
     def _line(self, text: str) -> None:
-        self.log.note(text, on_screen=not self.log.screen.interactive, keep=False)
+        self.log.note(text, on_screen=not self.log.screen.interactive, in_results=False)
 
     def _name(self, number: int) -> str:
         return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} {self.shown.level_unit}".removesuffix(" 1")
 
-    def _of(self, level: str) -> str:
-        """Return the first column of a line if levels are mixed."""
+    def _level_column(self, level: str) -> str:
+        """Return the column with the level of a point, which lines have only if points of several levels alternate."""
         return f"{level:>10} " if self._mixed else ""
 
 
@@ -110,10 +109,11 @@ def stability_lines(branch: Branch) -> list[str]:
     unstable = judged.count(False)
     number = f"{unstable} of {counted(len(judged), 'point')}"
     lines = [f"  stability: {number} are unstable" if unstable else "  stability: every point is stable"]
-    for there in branch.bifurcations:
-        frequency, within = there.omega / 2.0 / np.pi, there.within / 2.0 / np.pi
+    for bifurcation in branch.bifurcations:
+        frequency, within = bifurcation.omega / 2.0 / np.pi, bifurcation.within / 2.0 / np.pi
         where = f" (within {within:.1e} Hz)" if within > EXACT * frequency else ""
-        lines.append(f"  {there.kind}: {frequency:.9g} Hz{where}, amplitude {there.amplitude[0]:.6e}, after point {there.after}")
+        amplitude, after = bifurcation.amplitude[0], bifurcation.after
+        lines.append(f"  {bifurcation.kind}: {frequency:.9g} Hz{where}, amplitude {amplitude:.6e}, after point {after}")
     return lines
 
 
@@ -126,8 +126,8 @@ def over_lines(curve: PeaksOver, output: str) -> list[str]:
     seconds, unit = f"{points.seconds.sum():.3g} s", "" if curve.unit == "1" else f" {curve.unit}"
     lines = [f"{head}, {value[0]:.4g} to {value[-1]:.4g}{unit}: {counted(len(value), 'point')} in {seconds}; {' -> '.join(ends)}"]
     for name, moves in (("slips", points.state == SLIP), ("is open", points.state == OPEN)):
-        there = value[moves.any(axis=1)]
-        lines += [f"  points at which a pair {name}: {there.min():.4g} to {there.max():.4g}{unit}"] if len(there) else []
+        moving = value[moves.any(axis=1)]
+        lines += [f"  points at which a pair {name}: {moving.min():.4g} to {moving.max():.4g}{unit}"] if len(moving) else []
     lines += [f"  {note}: {value[i]:.6g}{unit}" for i, note in enumerate(points.notes) if note]
     return [*lines, f"  ended early: {points.failure}"] if points.failure else lines
 

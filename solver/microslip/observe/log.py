@@ -91,9 +91,9 @@ class RunLog:
 
     # -- lines -------------------------------------------------------------------------------------------------
 
-    def note(self, text: str, *, on_screen: bool = True, keep: bool = True) -> None:
-        """Write plain lines.  Local; rank 0 writes.  Without ``keep`` they are not stored in results.h5."""
-        if keep:
+    def note(self, text: str, *, on_screen: bool = True, in_results: bool = True) -> None:
+        """Write plain lines.  Local; rank 0 writes.  Without ``in_results`` they are not stored in results.h5."""
+        if in_results:
             self.notes.append(text)
         self._write(("\n" if self._unfinished else "") + text + "\n")
         if on_screen:
@@ -189,9 +189,8 @@ class RunLog:
             self.stages.append(Stage("total", 0, seconds, memory, largest))
         if self.stages:
             self.note("\n" + self.table(seconds))
-        self.note(
-            f"ended by {failure}" if failure else "done", on_screen=not failure
-        )  # a failure is reported at the end of the program
+        # the end of the program shows a failure on the screen
+        self.note(f"ended by {failure}" if failure else "done", on_screen=not failure)
         if self._file is not None:
             self._file.close()
             self._file = None

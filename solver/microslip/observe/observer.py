@@ -42,13 +42,13 @@ class Observers:
         self.comm, self.observers, self.keeps_motion = comm, tuple(observers), keeps_motion
         self.branches = [Branch(level) for level in levels]
 
-    def notify(self, event: str, *news: Any) -> None:
+    def notify(self, event: str, *arguments: Any) -> None:
         """Call the method of this name on rank 0.  Collective on ``comm``: an error of an observer is raised on every rank."""
-        on_root(self.comm, self.receive, event, *news, share=False)
+        on_root(self.comm, self.receive, event, *arguments, share=False)
 
-    def receive(self, event: str, *news: Any) -> None:
+    def receive(self, event: str, *arguments: Any) -> None:
         """Pass an event on by its name."""
-        getattr(self, event)(*news)
+        getattr(self, event)(*arguments)
 
     def level_started(self, number: int, where: str = "") -> None:
         """Pass on that a level has started."""
@@ -69,6 +69,6 @@ class Observers:
             observer.level_finished(number, branch)
         if not self.keeps_motion:
             light = branch.without_motion()
-            is_same = all(point is theirs for point, theirs in zip_longest(branch.points, finished.points))
+            is_same = all(a is b for a, b in zip_longest(branch.points, finished.points))
             finished.points[:] = light if is_same else finished.without_motion()  # the same objects for the same points
             branch.points[:] = light

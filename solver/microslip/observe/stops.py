@@ -47,19 +47,19 @@ class Stops:
         return LEAST_MARGIN + POINTS_AHEAD * self._slowest_point + SAVES_AHEAD * self._slowest_save
 
     def level_started(self, number: int, level: float, where: str) -> None:
-        """Check whether there is time for a level."""
-        self._look()
+        """Stop if a signal has arrived, or if too little time is left for a level."""
+        self._check()
 
     def point(self, number: int, i: int, point: Point) -> None:
-        """Check for a requested save, and whether there is time for another point."""
+        """Save if a signal requests it; stop after a stop signal, or if too little time is left for another point."""
         self._slowest_point = max(self._slowest_point, point.seconds)
-        self._look()
+        self._check()
 
     def level_finished(self, number: int, branch: Branch) -> None:
         """Record the end of a level, which has been saved."""
 
     @contextmanager
-    def in_force(self) -> Iterator[None]:
+    def saving_if_interrupted(self) -> Iterator[None]:
         """Save if a signal interrupts the block.  Local: other ranks may be in any state."""
         try:
             yield
@@ -69,7 +69,7 @@ class Stops:
                     self._save()
             raise
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         """Raise Interrupted near the time limit, after saving, or after a signal that a library has suppressed."""
         raise_stop()
         if save_requested():

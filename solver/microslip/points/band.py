@@ -12,11 +12,11 @@ from ..messages.words import counted, verb
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A range of frequencies: two of them, or a mode and two factors of its frequency."""
+    """A range of frequencies: either its two ends, or a mode and two factors of its natural frequency."""
 
     frequencies: tuple[float, float] | None = None  # Hz, the lower one first
     mode: int | None = None  # counted from 1
-    span: tuple[float, float] | None = None  # over the frequency of the mode
+    span: tuple[float, float] | None = None  # relative to the frequency of the mode
 
 
 def frequency_band(band: Band, omega_n: np.ndarray) -> tuple[float, float]:

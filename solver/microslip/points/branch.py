@@ -49,7 +49,7 @@ SEGMENTS = {1: "from the other end of the range", 2: "with steps a quarter as lo
 SHORT_STEPS, SHORTER = 2, 4  # the segment with shorter steps, and how many times shorter they are
 _WAYS = f"0 from the start, 1 {SEGMENTS[1]}, 2 from the start {SEGMENTS[2]}"
 _SEGMENT = f"{_WAYS}; 1 and 2 where those before ended early"
-_HARMONICS = "the highest that it was solved with; arrays are as wide as the most, with zeros"
+_HARMONICS = "highest harmonic of the solution at this point; arrays have zeros for higher ones"
 _COS_SIN = "cosine and sine of harmonic 1 with the correction computed with the error bar"
 _PARTS = "parts of the error bar, in the order of the attribute `parts`"
 _STABLE = "1 where the motion is stable, 0 where a small disturbance grows; empty without `stability`"
@@ -62,18 +62,18 @@ _MULTIPLIERS = (
 _LARGEST = "Floquet multipliers by falling modulus, without those of sliders that never slip"
 _NEUTRAL = "sliders that never slip, whose multipliers are 1 and no instability"
 _BY_PAIRS = "derivatives of cosine and sine of harmonic 1 by numbers of each pair, in the order of the attribute `numbers`"
-_BY_COMMON = "those by the level, a factor of the damping and the frequency [rad/s], in the order of the attribute `common`"
+_BY_COMMON = "derivatives by the level, a factor of the damping and the frequency [rad/s], in the order of the attribute `common`"
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
     """A converged point of a curve.  Arrays are gathered on rank 0; counts and floats agree on all ranks.
 
-    Harmonic coefficients run mean, cos 1, sin 1, ..., cos H, sin H (N_H = 2 H + 1), whatever set of harmonics was solved for: the
-    others are zero.  H is the same for all points of a run, and at least 1.
+    Harmonic coefficients are mean, cos 1, sin 1, ..., cos H, sin H (N_H = 2 H + 1); those of harmonics that were not solved for
+    are zero.  H is the same for all points of a run, and at least 1.
 
-    This is where a quantity is declared: its name in the files, axes, unit and meaning.  frf.csv, results.h5, its reader and the
-    tables of the guide follow.
+    The annotation of a field declares its name in the files, its axes, unit and meaning; frf.csv, results.h5, its reader and the
+    tables of the guide follow from these declarations.
     """
 
     omega: Annotated[float, number("frequency_Hz", "Hz", "frequency of the excitation", stored=hertz)]  # rad/s
@@ -90,7 +90,7 @@ class Point:
     input: Annotated[float, number("input_J", "J", "work of the loads, a cycle")]
     seconds: Annotated[float, number("seconds", "s", "wall time of the point", digits=4)]
     harmonics: Annotated[int, Quantity("harmonics", "", "1", _HARMONICS, "i8")] = 0
-    samples: Annotated[int, Quantity("samples", "", "1", "of a period, that it was solved with", "i8")] = 0
+    samples: Annotated[int, Quantity("samples", "", "1", "time samples per period of the solution", "i8")] = 0
     requested: Annotated[
         bool, Quantity("requested", "", "1", "1 where the frequency is one of [response] `at`", "u1", earlier="asked")
     ] = False
@@ -146,7 +146,7 @@ class Branch:
         return f"{self.level:g} N ends after {counted(len(self.points), 'point')}: {self.failure}"
 
     def without_motion(self) -> list[Point]:
-        """Return the points without the motion and forces of their pairs, but for the peak.  Local."""
+        """Return the points, all except the peak without the motion and forces of their pairs.  Local."""
         top = self.peak if self.points else -1
         return [point if i == top else replace(point, U=NOTHING, p=NOTHING) for i, point in enumerate(self.points)]
 

@@ -13,15 +13,14 @@ _WIDTH = "between the two places at 1 / √2 of the amplitude; NaN where the cur
 _WITHIN = "width of the interval that contains the maximum; 0 where the slope of the curve is zero"
 _DAMPING = "damping ratio of one mode of this half-power width, width / (2 frequency); NaN where that is not known"
 _BY_PAIRS = "derivatives of amplitude, phase [rad] and frequency [Hz] of the peak by the numbers of each pair, as of a point"
-_BY_COMMON = "those by the level and a factor of the damping; the last column is 0"
+_BY_COMMON = "derivatives by the level and a factor of the damping; the last column is 0"
 
 
 @dataclass(frozen=True)
 class Peak:
     """A maximum of the amplitude of harmonic 1 of one output along a branch.  The same on all ranks.
 
-    What is stored of it is declared here, as that of a :class:`~microslip.points.branch.Point`; amplitudes are in the unit of the
-    output.
+    The annotations declare its datasets, as in :class:`~microslip.points.branch.Point`; amplitudes are in the unit of the output.
     """
 
     output: Annotated[int, Quantity("output", "", "1", "number of the output, from 0", "i8")]

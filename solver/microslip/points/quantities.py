@@ -1,4 +1,4 @@
-"""How a quantity of a converged point is declared: once, from which arrays, files, their reader and the guide's tables follow."""
+"""Declarations of the quantities of a converged point, from which arrays, files, their reader and the guide's tables follow."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ LABELS = {
     "numbers": NUMBERS,
     "of_peak": OF_PEAK,
     "common": COMMON,
-}  # of the axes whose entries have names
-TEXT = "O"  # the type of texts
+}  # names of the entries along axes
+TEXT = "O"  # NumPy's kind of texts
 
 
-def as_it_is(value: Any) -> Any:
+def unchanged(value: Any) -> Any:
     """Return the value itself.  Local."""
     return value
 
@@ -40,25 +40,25 @@ class Column:
 
     name: str
     meaning: str
-    of: Callable[[Any], Any] = as_it_is  # of the stored value of a point and output
+    of: Callable[[Any], Any] = unchanged  # of the stored value of a point and output
     digits: int = 13  # significant ones
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field of a dataclass is, and how it is stored: of a :class:`~microslip.points.branch.Point` above all.
+    """The meaning of a field of a dataclass, such as :class:`~microslip.points.branch.Point`, and its form in files.
 
-    One whose field may be None is left out of a level unless all its points have it: its array is None then, its cells are
-    empty, and a file without it is read; so is one without fields that earlier versions did not write (``optional``).
+    A quantity is ``optional`` if its field may be None, or if files of earlier versions lack it.  A level has the array of an
+    optional quantity only if all its points have a value; otherwise the array is None, and cells of tables are empty.
     """
 
-    dataset: str  # its name in results.h5; the array of a level is called the same, but for the unit at its end
-    over: str  # its axes at a point: outputs, pairs, directions, coefficients, parts, quadratures; "" of a single number or text
+    dataset: str  # its name in results.h5; the array of a level has the same name without the unit at its end
+    over: str  # its axes at a point, names of `axis_lengths` separated by spaces; "" for a single number or text
     unit: str
     meaning: str
     kind: str = "f8"  # NumPy's name of its type, or TEXT
     columns: tuple[Column, ...] = ()
-    stored: Callable[[Any], Any] = as_it_is  # the stored form of the field's value
+    stored: Callable[[Any], Any] = unchanged  # the stored form of the field's value
     field: str = ""
     optional: bool = False
     earlier: str = ""  # the name of the dataset in files of earlier versions
@@ -75,7 +75,7 @@ class Quantity:
 
     @property
     def is_motion(self) -> bool:
-        """Whether it is one of the large ones, which pictures do without."""
+        """Whether it is a motion or force of all pairs: large, and not needed for pictures."""
         return "pairs" in self.axes and "coefficients" in self.axes
 
     def of(self, point: Any) -> Any:
@@ -104,7 +104,7 @@ class Quantity:
 
 
 def number(
-    name: str, unit: str, meaning: str, kind: str = "f8", digits: int = 13, stored: Callable[[Any], Any] = as_it_is
+    name: str, unit: str, meaning: str, kind: str = "f8", digits: int = 13, stored: Callable[[Any], Any] = unchanged
 ) -> Quantity:
     """Return a single number that is a dataset of results.h5 and a column of frf.csv of the same name."""
     return Quantity(name, "", unit, meaning, kind, (Column(name, meaning, digits=digits),), stored)
@@ -130,7 +130,7 @@ def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
 
 
 def declared(kind: type) -> tuple[Quantity, ...]:
-    """Return the quantities of a dataclass, one or several of which a field is annotated with, in their order."""
+    """Return the quantities with which the fields of a dataclass are annotated, in the order of the fields."""
     hints = get_type_hints(kind, include_extras=True)
     given = [(field, *getattr(hints[field.name], "__metadata__", ())) for field in fields(kind)]
     return tuple(
@@ -141,7 +141,7 @@ def declared(kind: type) -> tuple[Quantity, ...]:
 
 
 def _padded(values: Any, shape: tuple[int, ...]) -> Any:
-    """Return the values of a point with zeros for the harmonics that it lacks."""
+    """Return the values of a point, padded with zeros for harmonics that it does not have."""
     if not shape or np.shape(values)[-1] == shape[-1]:
         return values
     return np.pad(values, [(0, 0)] * (len(shape) - 1) + [(0, shape[-1] - np.shape(values)[-1])])

@@ -14,11 +14,11 @@ from ..contact.law import OPEN
 
 
 class Selection(Protocol):
-    """What continuation needs of a method: its set B and the size of its reduced model."""
+    """The set B of a method and the size of its reduced model, for continuation."""
 
     @property
     def checks_in_point(self) -> bool:
-        """Whether all pairs are evaluated at each converged point, and those that want to slip are let slip there."""
+        """Whether all pairs are evaluated at each converged point, and pairs beyond their friction limit join B there."""
 
     def first(self, n_pairs: int) -> np.ndarray:
         """Return B of the first point, (n_pairs,) bool."""
@@ -71,9 +71,9 @@ class DissipatingPairs(NonStickingPairs):
 class AllPairs:
     """No pair is ever dropped.
 
-    The unknowns are those of the reduced model's ``coordinates``, if it has its own; these are condensed exactly to du before
-    anything is solved.  Else they are the harmonics of du.  Of the pairs with p = 0 they follow from those of the others,
-    du = du_lin - G p, without an equation to solve: only the others couple, and only they count.
+    The unknowns are the ``coordinates`` of the reduced model, which are condensed exactly to du before anything is solved; None:
+    the harmonics of du.  The motion of pairs with p = 0 follows from p of the others, du = du_lin - G p, without an equation to
+    solve, so that only pairs with p not zero count.
     """
 
     checks_in_point: bool = False

@@ -137,7 +137,7 @@ class CirculantColumns(StaticColumns):
         super().__init__(N * n_rows // 3, owned.stop - owned.start, _no_solve)
         columns = np.empty((n_rows, 2 * N, n_rows))
         columns[:, :N] = columns[:, N:] = blocks.transpose(2, 0, 1)
-        self._held = [columns]
+        self._blocks = [columns]
         start = (N - np.arange(N)) % N * n_rows + 3 * owned.start
         address = columns.ctypes.data + columns.strides[0] * np.arange(n_rows)
         self._places = (8 * start[:, None] + address).astype(np.intp).reshape(-1, 3)

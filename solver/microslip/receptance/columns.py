@@ -277,12 +277,12 @@ class ActiveColumns:
         largest = max(group.largest for group in G.groups)
         self.unit = max(G.model.comm.allgather(largest)) or 1.0  # m/N
         size = G.model.comm.size
-        self._parts = [_kind(groups, size)(groups, G.rows, self.unit, precision) for groups in _parted(G)]
+        self._parts = [_product_class(groups, size)(groups, G.rows, self.unit, precision) for groups in _grouped(G)]
         self.move_to(G)
 
     def move_to(self, G: ReceptanceColumns) -> None:
         """Update to the frequency of ``G``, which has the same pairs.  Local."""
-        for part, groups in zip(self._parts, _parted(G)):
+        for part, groups in zip(self._parts, _grouped(G)):
             part.move_to(groups, self.unit)
 
     def apply(self, p: np.ndarray) -> np.ndarray:
@@ -310,13 +310,13 @@ class ActiveColumns:
         return np.multiply(P, self.unit, out=unitless, casting="same_kind")
 
 
-def _parted(G: ReceptanceColumns) -> list[list[GroupColumns]]:
+def _grouped(G: ReceptanceColumns) -> list[list[GroupColumns]]:
     """Return the groups whose products are computed together: each real group alone, all complex groups."""
     complex_groups = [group for group in G.groups if group.is_complex]
     return [[group] for group in G.groups if not group.is_complex] + ([complex_groups] if complex_groups else [])
 
 
-def _kind(groups: list[GroupColumns], n_ranks: int) -> type[_RealGroup | _ComplexGroups | _SectorsGroup]:
+def _product_class(groups: list[GroupColumns], n_ranks: int) -> type[_RealGroup | _ComplexGroups | _SectorsGroup]:
     """Return the kind of products of some groups with the fewest of them, if each rank has as many active pairs."""
     first, n_active = groups[0], 3 * len(groups[0].active)
     n_dense = _n_products(n_active, n_active // n_ranks, first.R_owned.shape[1])
@@ -368,14 +368,14 @@ class _RealGroup:
         self.c = Flexibility(groups[0].c.c * self.R_unit * (self.R_unit / unit))
 
     def apply(self, p: np.ndarray) -> np.ndarray:
-        return self._answered(self._rows.combined(p)).T
+        return self._with_modal_response(self._rows.combined(p)).T
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         n, rows, N_H = p.shape
-        product = self._answered(p.transpose(0, 2, 1).reshape(n * N_H, rows) @ self.columns)
+        product = self._with_modal_response(p.transpose(0, 2, 1).reshape(n * N_H, rows) @ self.columns)
         return product.reshape(n, N_H, self.n_rows).swapaxes(1, 2)
 
-    def _answered(self, product: np.ndarray) -> np.ndarray:
+    def _with_modal_response(self, product: np.ndarray) -> np.ndarray:
         """Return the pairs' columns of a product (n N_H, 3 m + n_modes), with the response of the modes to their modal forces."""
         if self.c.couples_modes:
             forces = product[:, self.n_rows :].reshape(-1, self.N_H, product.shape[1] - self.n_rows)
@@ -422,8 +422,8 @@ class _ComplexGroups:
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         (n, rows, N_H), (g, h), m = p.shape, self.amplitudes.shape, self.R_rows.shape[1]
-        of_all = to_complex(p.reshape(n * rows, N_H)).reshape(n, rows, N_H // 2).transpose(2, 0, 1)
-        product = of_all[self.amplitudes].astype(self.columns.dtype).reshape(g, h * n, rows) @ self.columns
+        amplitudes = to_complex(p.reshape(n * rows, N_H)).reshape(n, rows, N_H // 2).transpose(2, 0, 1)
+        product = amplitudes[self.amplitudes].astype(self.columns.dtype).reshape(g, h * n, rows) @ self.columns
         forces = product[..., self.n_rows :].reshape(g, h, n, m)
         eta = np.einsum("ghij,ghnj->ghni", self.c, forces) if self.couple else forces * self.c[:, :, None]
         motion = product[..., : self.n_rows] + eta.reshape(g, h * n, m) @ self.R_rows

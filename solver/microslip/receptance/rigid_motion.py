@@ -48,7 +48,7 @@ class RigidMotion:
         return float(np.pi * omega * np.sum(n**2 * (q.conj() * (self.C @ q)).real))
 
     def refuse_mean(self, f: np.ndarray, harmonics: Harmonics) -> None:
-        """Raise CaseError for constant loads f (n_loads, N_H) that would move the structure away; the same on every rank."""
+        """Raise CaseError for constant loads f (n_loads, N_H) that would accelerate the structure; the same on every rank."""
         mean = f[:, harmonics.mean]
         if (np.abs(self.b @ mean) > BALANCED * (np.abs(self.b) @ np.abs(mean))).any():
             raise CaseError(

@@ -117,33 +117,33 @@ class SectorProducts:
         motion.
         """
         (D, n_rows, _), N = self.R.shape, self.n_sectors
-        first, mine = n_rows if of_modes_only else 0, slice(*split_evenly(D, comm.size)[comm.rank : comm.rank + 2])
+        first, owned = n_rows if of_modes_only else 0, slice(*split_evenly(D, comm.size)[comm.rank : comm.rank + 2])
         forces = p.reshape(N, n_rows, -1).swapaxes(1, 2)  # in rows: products with a few rows are twice as fast as with columns
-        parts = (self.forward[mine].reshape(-1, N) @ forces.reshape(N, -1)).reshape(-1, 2, forces.shape[1], n_rows)
-        product = _complex(parts, self.R.dtype) @ self.columns[mine, first:].swapaxes(1, 2)
+        parts = (self.forward[owned].reshape(-1, N) @ forces.reshape(N, -1)).reshape(-1, 2, forces.shape[1], n_rows)
+        product = _complex(parts, self.R.dtype) @ self.columns[owned, first:].swapaxes(1, 2)
         motion, q = product[..., : n_rows - first], product[..., n_rows - first :]
-        q_mine = _parts(q).transpose(2, 0, 1, 3).reshape(q.shape[1], -1)
-        modal = _total(comm, q_mine @ self.Y[mine].reshape(-1, len(self.squares)))
+        q_owned = _parts(q).transpose(2, 0, 1, 3).reshape(q.shape[1], -1)
+        modal = _total(comm, q_owned @ self.Y[owned].reshape(-1, len(self.squares)))
         eta = flexibility.apply(modal.T.reshape(-1, *p.shape[1:])).astype(self.Y.dtype, copy=False)
-        moved = self._moved(eta.reshape(modal.T.shape), mine)
-        of_mine = self._in_sectors(moved if of_modes_only else motion + moved, mine).reshape(p.shape)
-        return of_mine if is_part else _total(comm, of_mine)
+        moved = self._moved(eta.reshape(modal.T.shape), owned)
+        of_owned = self._in_sectors(moved if of_modes_only else motion + moved, owned).reshape(p.shape)
+        return of_owned if is_part else _total(comm, of_owned)
 
     def of_modes(self, eta: np.ndarray) -> np.ndarray:
         """Return R phi eta of all pairs, (3 n N, k) [m], for coordinates eta (M, k) of the modes of the disc.  Local."""
         every = slice(None)
         return self.R_unit * self._in_sectors(self._moved(eta, every), every)
 
-    def _moved(self, eta: np.ndarray, mine: slice) -> np.ndarray:
+    def _moved(self, eta: np.ndarray, owned: slice) -> np.ndarray:
         """Return the transform of the motion of modes with coordinates eta (M, k), of some diameters, (d, k, 3 n)."""
-        of_diameters = eta.T @ self.Y[mine].reshape(-1, len(eta)).T
+        of_diameters = eta.T @ self.Y[owned].reshape(-1, len(eta)).T
         parts = of_diameters.reshape(eta.shape[1], -1, 2, self.R.shape[2]).transpose(1, 2, 0, 3)
-        return _complex(parts, self.R.dtype) @ self.R[mine].swapaxes(1, 2)
+        return _complex(parts, self.R.dtype) @ self.R[owned].swapaxes(1, 2)
 
-    def _in_sectors(self, spectrum: np.ndarray, mine: slice) -> np.ndarray:
+    def _in_sectors(self, spectrum: np.ndarray, owned: slice) -> np.ndarray:
         """Return motions (3 n N, k) from their transform for some diameters, (d, k, 3 n)."""
         (_, k, n_rows), N = spectrum.shape, self.n_sectors
-        of_sectors = self.backward[:, mine].reshape(N, -1) @ _parts(spectrum).reshape(-1, k * n_rows)
+        of_sectors = self.backward[:, owned].reshape(N, -1) @ _parts(spectrum).reshape(-1, k * n_rows)
         return of_sectors.reshape(N, k, n_rows).swapaxes(1, 2).reshape(-1, k)
 
 

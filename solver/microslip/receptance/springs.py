@@ -105,10 +105,12 @@ class SpringUpdate:
         R_phi, o, b_H = modes.R_phi / squares, modes.o / squares, modes.b.conj().T / squares
         x = R_phi[self.J]
         omega_n, Q = on_root(self.comm, _frequencies, squares, x.conj().T @ self.T @ x)
-        way = Q * omega_n**2
-        pairs = self.of_pairs(R_phi) @ way
+        scaled = Q * omega_n**2
+        pairs = self.of_pairs(R_phi) @ scaled
         damping = _damping(modes, Q, omega_n, pairs, self.change)
-        return DampedModes(omega_n, damping, pairs, (self.of_loads(b_H, R_phi) @ way).conj().T, self.of_outputs(o, R_phi) @ way)
+        return DampedModes(
+            omega_n, damping, pairs, (self.of_loads(b_H, R_phi) @ scaled).conj().T, self.of_outputs(o, R_phi) @ scaled
+        )
 
     def _static(self) -> StaticResponse:
         static = self.before.static

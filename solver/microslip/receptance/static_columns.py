@@ -41,7 +41,7 @@ class StaticColumns:
         self.solve, self.batch, self.is_complex, self.grows = solve, batch, is_complex, grows
         self.n_owned = n_owned
         # transposed, so that the columns of a pair are contiguous; stored in the order of computation, without spare memory
-        self._held: list[np.ndarray] = []
+        self._blocks: list[np.ndarray] = []
         self._places = np.zeros((n_pairs, 3), dtype=np.intp)  # addresses of the columns of each pair
         self.known = np.zeros(n_pairs, dtype=bool)  # required pairs
         self.stored = np.zeros(n_pairs, dtype=bool)  # stored pairs, from an earlier run if not required
@@ -90,10 +90,10 @@ class StaticColumns:
         """
         if columns.shape != (3 * self.n_owned, 3 * len(pairs)):  # products read by address, and past the end of shorter columns
             raise ValueError(f"columns of {len(pairs)} pairs in {self.n_owned} rows of pairs have the shape {columns.shape}")
-        held = np.ascontiguousarray(columns.T, dtype=complex if self.is_complex else float)
-        self._held.append(held)
-        self._places[pairs] = places_of(held).reshape(-1, 3)
-        self._largest[pairs] = np.abs(held).reshape(len(pairs), -1).max(axis=1, initial=0.0)
+        block = np.ascontiguousarray(columns.T, dtype=complex if self.is_complex else float)
+        self._blocks.append(block)
+        self._places[pairs] = places_of(block).reshape(-1, 3)
+        self._largest[pairs] = np.abs(block).reshape(len(pairs), -1).max(axis=1, initial=0.0)
         self.stored[pairs], self._last = True, None
 
     def chosen(self, pairs: np.ndarray) -> ChosenColumns:
@@ -106,7 +106,7 @@ class StaticColumns:
         if self._last is None or not np.array_equal(self._last[0], pairs):
             largest = float(self._largest[pairs].max(initial=0.0))
             kind = ComplexColumns if self.is_complex else ChosenColumns
-            self._last = pairs, kind(self._places[pairs].ravel(), 3 * self.n_owned, self._held, largest)
+            self._last = pairs, kind(self._places[pairs].ravel(), 3 * self.n_owned, self._blocks, largest)
         return self._last[1]
 
     def transposed(self, pairs: np.ndarray) -> np.ndarray:
@@ -156,8 +156,8 @@ class ConjugateStaticColumns(StaticColumns):
 class ChosenColumns(Rows):
     """Columns of some pairs on this rank, stored transposed, (3 m, 3 n_owned) [m/N]."""
 
-    def __init__(self, places: np.ndarray, n: int, held: object, largest: float):
-        super().__init__(places, n, np.float64, held)
+    def __init__(self, places: np.ndarray, n: int, blocks: object, largest: float):
+        super().__init__(places, n, np.float64, blocks)
         self.largest = largest  # largest magnitude of the entries
 
     def part(self, chosen: np.ndarray) -> ChosenColumns:
@@ -181,8 +181,8 @@ class ChosenColumns(Rows):
 class ComplexColumns(ChosenColumns):
     """Complex columns, stored as a real matrix with alternating real and imaginary parts of the rows."""
 
-    def __init__(self, places: np.ndarray, n: int, held: object, largest: float):
-        super().__init__(places, 2 * n, held, largest)
+    def __init__(self, places: np.ndarray, n: int, blocks: object, largest: float):
+        super().__init__(places, 2 * n, blocks, largest)
 
     @property
     def n_rows(self) -> int:

@@ -63,9 +63,9 @@ class TruncatedModes:
         """Return the same modes with their damping times a factor, plus sigma M [1/s].  Local."""
         if sigma == 0.0 and factor == 1.0:
             return self
-        of, beyond = self.damping, {"alpha": factor * self.damping.alpha + sigma}
-        beyond |= {"ratio": factor * of.ratio, "beta": factor * of.beta, "loss_factor": factor * of.loss_factor}
-        return replace(self, damping=replace(of, **beyond), coupling=self.coupling and self.coupling.times(factor))
+        of = self.damping
+        damping = DampingBeyond(factor * of.alpha + sigma, factor * of.ratio, factor * of.beta, factor * of.loss_factor)
+        return replace(self, damping=damping, coupling=self.coupling and self.coupling.times(factor))
 
     def gains(self, n_omega: np.ndarray) -> np.ndarray:
         """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""

@@ -11,7 +11,7 @@ from ..messages.words import counted
 from ..points.branch import CLOSES_TO, Branch
 from .record import LevelResult, ResultFile
 
-_NOTHING = 1e-10  # of pi F a, the most work that a load F can do per cycle at amplitude a
+_ROUNDING = 1e-10  # of pi F a, the most work that a load F can do per cycle at amplitude a
 
 
 def closure(work: np.ndarray, damping: np.ndarray, friction: np.ndarray, most_work: np.ndarray | float = 0.0) -> np.ndarray:
@@ -21,17 +21,17 @@ def closure(work: np.ndarray, damping: np.ndarray, friction: np.ndarray, most_wo
     ----------
     work, damping, friction : (n,) J per cycle
     most_work : (n,) pi F a [J per cycle]; where the input is less than 1e-10 of it (no damping, no slip), the closure
-        is relative to that instead, for the input is nothing but rounding
+        is relative to that instead, since the input is only rounding
     """
     gap = np.abs(work - damping - friction)
-    scale = np.maximum(np.maximum(np.abs(work), np.abs(damping) + np.abs(friction)), _NOTHING * np.abs(most_work))
+    scale = np.maximum(np.maximum(np.abs(work), np.abs(damping) + np.abs(friction)), _ROUNDING * np.abs(most_work))
     return np.divide(gap, scale, out=np.zeros_like(gap), where=gap > 0.0)
 
 
 def energy_closure(branch: Branch, works: Sequence[int] | None = None) -> np.ndarray:
     """Return the closure of the energy balance at each point of a branch, (n_points,) [-].  Local, on rank 0.
 
-    ``works`` are the outputs whose amplitude times the level is a work; all unless given.
+    ``works`` are the outputs whose amplitude times the level is a work; None: all.
     """
     work, damping, friction = (
         np.array([getattr(point, name) for point in branch.points], dtype=float) for name in ("input", "damping", "friction")

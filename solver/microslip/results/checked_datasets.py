@@ -1,4 +1,4 @@
-"""A result file opened: its datasets by name, each checked.  The file may come from anywhere: nothing outside it is opened."""
+"""Access to the datasets of a result file by name, each checked.  The file may be hostile: nothing outside it is opened."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from contextlib import contextmanager
 import h5py
 import numpy as np
 
-from ..formats.hdf5 import Storage
+from ..formats.hdf5 import MOST_GAIN, Storage
 from ..messages.errors import CaseError
 from ..system.files import NO_FILE
 from .writer import FORMAT, FORMAT_VERSION
 
-_MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
 _MOST_TEXTS = 100_000
-_LARGEST = 1e150  # of a number of a result: its square is a number, too
+_LARGEST = 1e150  # magnitude of a number, whose square must not overflow
 
 
 @contextmanager
@@ -43,7 +42,7 @@ def opened(path: str) -> Iterator[Reader]:
 
 
 def _check_format(path: str, file: h5py.File) -> None:
-    """Raise CaseError unless the file is ours and of this version."""
+    """Raise CaseError unless the file has results of this version of the format."""
     if attribute(file, "format") != FORMAT:
         raise CaseError(f"{path}: an HDF5 file, but not one with microslip results")
     version = int(file.attrs["format_version"])
@@ -62,8 +61,8 @@ def _refuse_links(path: str, file: h5py.File) -> None:
         group = left.pop()
         for name in group:
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                what = f"{group.name.rstrip('/')}/{name}"[1:61]
-                raise CaseError(f"{path}: {what!r} is a link to another place or file; such files are refused")
+                place = f"{group.name.rstrip('/')}/{name}"[1:61]
+                raise CaseError(f"{path}: {place!r} is a link to another place or file; such files are refused")
             about = h5py.h5o.get_info(group.id, name.encode("utf-8", "surrogateescape"))
             if about.type == h5py.h5o.TYPE_GROUP and about.addr not in known:
                 known.add(about.addr)
@@ -71,13 +70,13 @@ def _refuse_links(path: str, file: h5py.File) -> None:
 
 
 def attribute(item, name: str) -> str:
-    """Return a text that a group or a dataset is marked with; "" if it is not.  Local."""
+    """Return an attribute of a group or a dataset as text; "" if there is none.  Local."""
     value = item.attrs.get(name, "")
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 class Reader:
-    """Datasets of a file by name, refused where they would make HDF5 open other files or swell."""
+    """Datasets of a file by name; datasets that refer to other files, or claim more memory than they store, are refused."""
 
     def __init__(self, path: str, file: h5py.File):
         self.path, self.file, self.storage = path, file, Storage(os.path.getsize(path))
@@ -106,9 +105,12 @@ class Reader:
         if not isinstance(item, h5py.Dataset):
             raise CaseError(f"{self.path}: dataset {name!r} is missing; the file is damaged or was edited")
         if item.is_virtual or item.external:
-            raise CaseError(f"{self.path}: dataset {name!r} keeps its values in another file; such files are refused")
-        if item.size and item.nbytes > _MOST_GAIN * max(item.id.get_storage_size(), 1):
-            raise CaseError(f"{self.path}: dataset {name!r} claims {item.nbytes} bytes and holds {item.id.get_storage_size()}")
+            raise CaseError(f"{self.path}: dataset {name!r} has its values in another file; such files are refused")
+        if item.size and item.nbytes > MOST_GAIN * max(item.id.get_storage_size(), 1):
+            raise CaseError(
+                f"{self.path}: dataset {name!r} claims {item.nbytes} bytes and holds "
+                f"{item.id.get_storage_size()}; such files are refused"
+            )
         if h5py.check_string_dtype(item.dtype) is not None and item.dtype.hasobject:
             return item  # texts of variable length, of an earlier version
         fault = self.storage.fault(item, f"dataset {name!r}")

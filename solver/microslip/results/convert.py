@@ -31,8 +31,7 @@ FORMATS: dict[str, Callable[[ResultFile, Fields | None, Path, int], list[Path]]]
 def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS) -> list[Path]:
     """Write a result file in other formats into a folder and return the files.  Local; no MPI, no PETSc.
 
-    Without ``formats`` those of other programs with data to write: of a scene given as matrices nothing is shown in
-    space.
+    Without ``formats``: all formats of other programs, vtkhdf only if there is a mesh or pairs with positions.
 
     Raises
     ------

@@ -179,10 +179,7 @@ def _draw_closure(ax, results: ResultFile) -> None:
     ax.set_ylim(0.3 * lowest, max(ax.get_ylim()[1], 10.0 * bound))
     ax.set_title("closure, all levels", loc="left")
     if len(drawn) > 1:
-        named = [
-            Line2D([], [], color=colour, lw=1.5, label=f"{level.level:g} {level.unit}".removesuffix(" 1"))
-            for level, colour in some(drawn, 7)
-        ]
+        named = [Line2D([], [], color=colour, lw=1.5, label=level.text) for level, colour in some(drawn, 7)]
         ax.legend(
             handles=named, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=len(named), borderaxespad=0.2, columnspacing=1.2
         )

@@ -65,7 +65,7 @@ def joint_values(joint: Joint, level: LevelResult, at: int) -> dict[str, np.ndar
         "friction_loss_J": np.where(level.p[at].any(axis=(1, 2)), np.maximum(level.energy[at], 0.0), 0.0),  # else rounding
         "normal_force_N": cycle.normal_force.mean(axis=1),
     }
-    if np.isfinite(joint.area).all() and (joint.area > 0.0).all():
+    if joint.has_areas:
         pressure = cycle.pressure(joint.area)
         values["friction_loss_J_m2"] = values["friction_loss_J"] / joint.area
         values |= {"pressure_Pa": pressure.mean(axis=1), "pressure_min_Pa": pressure.min(axis=1)}
@@ -77,6 +77,6 @@ def rest_values(joint: Joint) -> dict[str, np.ndarray]:
     """Return the forces of the joint at rest, (n_pairs,) each, as :func:`joint_values`."""
     N = np.maximum(np.nan_to_num(joint.N0), 0.0)
     values = {"normal_force_at_rest_N": N}
-    if np.isfinite(joint.area).all() and (joint.area > 0.0).all():
+    if joint.has_areas:
         values["pressure_at_rest_Pa"] = N / joint.area
     return values | {"friction_force_at_rest_N": np.hypot(*joint.T0.T), "open_at_rest": joint.open_at_rest.astype(float)}

@@ -49,7 +49,7 @@ def draw_slip_map(results: ResultFile) -> Pages:
 def draw_energy_map(results: ResultFile) -> Pages:
     """Draw the friction loss per area and cycle at the peak of each level, in one colour scale.  Local."""
     area = results.joint.area
-    per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())  # matrices come without areas
+    per_area = results.joint.has_areas and bool(np.isfinite(results.joint.position).all())
     share, unit = (area, "J/m\u00b2") if per_area else (np.ones_like(area), "J")
     # a pair that sticks loses nothing; its recorded value is rounding
     at_peaks = [
@@ -86,7 +86,7 @@ def draw_sensitivity_map(results: ResultFile) -> Pages:
     """Draw where friction matters: the change of the first output's peak with the friction of each pair.  Local."""
     levels = [level for level in some(results.solved, MOST_PANELS) if level.d_by_pairs is not None]
     area = results.joint.area
-    per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())
+    per_area = results.joint.has_areas and bool(np.isfinite(results.joint.position).all())
     at_peaks = [
         (frequency, of_pairs["mu"]) for frequency, of_pairs, _ in (relative_at_peak(results.joint, level) for level in levels)
     ]

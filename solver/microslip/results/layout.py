@@ -63,7 +63,7 @@ def log_scale(ax: Axes, *names: str) -> None:
 
 
 class PageLayout(LayoutEngine):
-    """Lays the cells of a grid out in a field of a figure, so that nothing is cut off; ``top`` in inches is left above it.
+    """Arranges the cells of a grid in a figure so that nothing is cut off, with ``top`` inches of free height above them.
 
     All cells of a row or a column have the margins of its largest labels; the remaining space is divided by the grid's ratios.
     """
@@ -88,10 +88,10 @@ class PageLayout(LayoutEngine):
         left, right, above, below = (np.full(n, PAD) for n in (columns, columns, rows, rows))
         for ax, cell in with_cells:
             x_low, x_high, y_top, y_end = cell.colspan.start, cell.colspan.stop - 1, cell.rowspan.start, cell.rowspan.stop - 1
-            left[x_low] = max(left[x_low], _beside(ax))
+            left[x_low] = max(left[x_low], _width_left(ax))
             right[x_high] = max(right[x_high], PAD + 0.5 * max(map(_length, _numbers(ax.xaxis)), default=0.0))
-            above[y_top] = max(above[y_top], _over(ax))
-            below[y_end] = max(below[y_end], _under(ax))
+            above[y_top] = max(above[y_top], _height_above(ax))
+            below[y_end] = max(below[y_end], _height_below(ax))
         width, height = fig.get_size_inches()
         grid = with_cells[0][1].get_gridspec()
         x = _edges(width, left, right, grid.get_width_ratios() or np.ones(columns))
@@ -110,18 +110,18 @@ def _edges(size: float, before: np.ndarray, behind: np.ndarray, ratios) -> list[
     return list(zip(begins, begins + lengths))
 
 
-def _beside(ax: Axes) -> float:
+def _width_left(ax: Axes) -> float:
     """Return the width of the labels left of axes [inches]."""
     return PAD + _label(ax.yaxis) + (_TICK + max(map(_length, _numbers(ax.yaxis)), default=0.0))
 
 
-def _under(ax: Axes) -> float:
+def _height_below(ax: Axes) -> float:
     """Return the inches that the labels below axes take."""
     numbers = _numbers(ax.xaxis)
     return PAD + _label(ax.xaxis) + (_TICK + _LINE * _size(ax.xaxis) if numbers else 0.0)
 
 
-def _over(ax: Axes) -> float:
+def _height_above(ax: Axes) -> float:
     """Return the inches that a title or a legend above axes takes."""
     titles = [size for where in ("left", "center", "right") if (size := _title(ax, where))]
     legend = _LINE * 9.0 * POINT + _TITLE_GAP if ax.get_legend() is not None else 0.0

@@ -13,7 +13,7 @@ from ..fourier.coefficients import amplitude
 
 @dataclass(frozen=True)
 class Shown:
-    """The number shown of an output where there is room for one number."""
+    """The quantity that represents an output by one number."""
 
     name: str
     of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H)
@@ -29,11 +29,11 @@ class Shown:
         return "" if self.level_unit == "1" else f"/{self.level_unit}" if self.level_unit == "N" else f"/({self.level_unit})"
 
     def size(self, coefficients: np.ndarray) -> np.ndarray:
-        """Return how large an output is, of its coefficients (..., N_H)."""
+        """Return the magnitude of the quantity, (...), from coefficients (..., N_H)."""
         return np.abs(self.of(coefficients))
 
     def where(self, frequency: float, digits: int = 7) -> str:
-        """Return the frequency of a point [Hz]; None where it represents every frequency."""
+        """Return the frequency of a point [Hz] as text; "" where the point represents every frequency."""
         return "" if self.is_static else f"{frequency:.{digits}g} Hz"
 
     def __str__(self) -> str:

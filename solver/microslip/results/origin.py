@@ -22,9 +22,9 @@ class Origin:
     command: str
     started: str  # date and time with the zone
     scene_path: str
-    settings: tuple[str, ...] = ()  # KEY=VALUE of the command line, which the scene's text holds already
+    settings: tuple[str, ...] = ()  # KEY=VALUE of the command line, already applied to the scene's text
     hosts: tuple[str, ...]  # of each rank
-    n_groups: int = 1  # of ranks, at work side by side
+    n_groups: int = 1  # groups of ranks that followed levels in parallel
     environment: dict[str, str]  # variables that change a run: threads, PETSc's options
     inputs: tuple[InputFile, ...] = ()
 

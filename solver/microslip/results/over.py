@@ -16,7 +16,7 @@ from ..points.quantities import Column
 from ..system.hdf5 import extended_hdf5
 from .record import PeaksOver, ResultFile, peak_arrays
 from .table import write_table
-from .writer import common, write_array, write_level
+from .writer import common_unit, write_array, write_level
 
 NAME = "peaks_over.csv"
 COLUMNS = (
@@ -49,7 +49,7 @@ def store_peaks_over(folder: str, head: ResultFile, curves: Sequence[PeaksOver])
     path, units = os.path.join(folder, "results.h5"), [head.unit_of(k) for k in range(len(head.outputs))]
     with extended_hdf5(path, "over") as file:
         for i, curve in enumerate(curves):
-            _write(file.create_group(f"over/{i:04d}"), curve, common(units), units[curve.linear.output])
+            _write(file.create_group(f"over/{i:04d}"), curve, common_unit(units), units[curve.linear.output])
     rows = (_rows(i, curve, head.outputs[curve.linear.output], units[curve.linear.output]) for i, curve in enumerate(curves, 1))
     write_table(os.path.join(folder, NAME), [column.name for column in COLUMNS], chain.from_iterable(rows))
 

@@ -12,10 +12,9 @@ from matplotlib.patches import Patch
 from ..contact.law import OPEN, STICK
 from .layout import log_scale
 from .record import PeaksOver, ResultFile
-from .style import FAINT, INK, LINEAR, WIDTH, Page, Pages, plain, with_prefix
+from .style import FAINT, INK, LINEAR, SERIES_COLOURS, WIDTH, Page, Pages, plain, with_prefix
 
 _WIDE = 10.0  # ratio of the numbers, or of the amplitudes, beyond which their axis is logarithmic
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 OF_LINEAR = ("tangential_stiffness", "normal_stiffness")  # numbers of a joint that change the linear response
 _MARKS = (("a pair slips or is open", "o"), ("half of the pairs do", "s"), ("all pairs do", "D"), ("a pair is open", "^"))
 
@@ -35,7 +34,9 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
     of_level = "" if first.key == "level" else f" at {first.points.level:g} {results.level_unit}"
     marked = [mark for mark in _MARKS if any(_begins(curve)[mark[0]] is not None for curve in curves)]
     handles = (
-        [Line2D([], [], color=_COLOURS[i % 6], label=f"peak {i + 1}") for i in range(len(curves))] if len(curves) > 1 else []
+        [Line2D([], [], color=SERIES_COLOURS[i % 6], label=f"peak {i + 1}") for i in range(len(curves))]
+        if len(curves) > 1
+        else []
     )
     handles += [
         Line2D([], [], ls="", marker=m, ms=4.5, mfc="white", mec=INK, label=f"first point where {text}") for text, m in marked
@@ -57,7 +58,7 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
     )
     for ax, text, values in panels:
         for i, curve in enumerate(curves):
-            ax.plot(curve.value, values(curve), color=_COLOURS[i % 6] if len(curves) > 1 else INK, zorder=3)
+            ax.plot(curve.value, values(curve), color=SERIES_COLOURS[i % 6] if len(curves) > 1 else INK, zorder=3)
             for mark, begin in _begins(curve).items():
                 if begin is not None:
                     ax.plot(

@@ -73,10 +73,10 @@ def _joint(results: ResultFile, fields: Fields | None, mesh: JointMesh, folder: 
     solved = [(number, level) for number, level in enumerate(results.levels) if len(level.frequency)]
     if not solved:
         return []
-    stays = {"joint": joint.joint, "node1": joint.node1, "node2": joint.node2, "area_m2": joint.area, **rest_values(joint)}
+    constant = {"joint": joint.joint, "node1": joint.node1, "node2": joint.node2, "area_m2": joint.area, **rest_values(joint)}
     at = {number: level.top for number, level in solved}
     by_level = [joint_values(joint, level, at[number]) for number, level in solved]
-    write_joint_series(str(files[0]), mesh, [level.level for _, level in solved], lambda i: by_level[i], stays)
+    write_joint_series(str(files[0]), mesh, [level.level for _, level in solved], lambda i: by_level[i], constant)
     for number, level in solved:
         files.append(folder / f"joint_motion_{number:04d}.vtkhdf")
         over = _Period(results, fields, number, at[number], steps)
@@ -106,7 +106,7 @@ class _Period:
             "slip_m": np.einsum("nk,nki->ni", self.cycle.slip[:, :, i], tangents),
             "relative_motion_m": np.einsum("nk,nki->ni", self.cycle.du[:, :, i], joint.frame),
         }
-        if np.isfinite(joint.area).all() and (joint.area > 0.0).all():
+        if joint.has_areas:
             fields_of_step["pressure_Pa"] = fields_of_step["normal_force_N"] / joint.area
         if self.sampled is not None:
             fields_of_step["displacement"] = self.sampled(step)

@@ -14,18 +14,17 @@ from ..points.quantities import hertz
 from .layout import log_scale
 from .measures import peak as highest
 from .record import LevelResult, ResultFile
-from .style import INK, WIDTH, Page, Pages, outputs_by_page, plain, with_prefix
+from .style import INK, SERIES_COLOURS, WIDTH, Page, Pages, outputs_by_page, plain, with_prefix
 
 _SAME = np.log(1.25)  # of the frequencies of one resonance at two levels that follow each other
 _WIDE = 30.0  # ratio of the levels beyond which their axis is logarithmic
 _MARK = 2.0  # pixels, half the size of the part of a mark that no label covers
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 Resonance = list[tuple[LevelResult, Peak]]  # a peak and its level, by rising level
 
 
 def resonances(levels: Sequence[LevelResult], output: int) -> list[Resonance]:
     """Return the peaks of an output, each followed from level to level by its frequency.  Local."""
-    from scipy.optimize import linear_sum_assignment  # long to import, and seldom needed
+    from scipy.optimize import linear_sum_assignment  # slow import, seldom needed
 
     lines: list[Resonance] = []
     for level in sorted((level for level in levels if level.peaks and level.level), key=lambda level: abs(level.level)):
@@ -70,7 +69,7 @@ def _draw_row(row, lines: list[Resonance], unit: str, name: str) -> None:
     factor, unit = with_prefix([0.0, *(abs(peak.amplitude) for line in lines for _, peak in line)], unit)
     sizes = [abs(level.level) for line in lines for level, _ in line]
     for i, line in enumerate(lines):
-        style = {"color": _COLOURS[i % len(_COLOURS)], "lw": 0.9, "marker": "o", "ms": 3.5, "mfc": "white"}
+        style = {"color": SERIES_COLOURS[i % len(SERIES_COLOURS)], "lw": 0.9, "marker": "o", "ms": 3.5, "mfc": "white"}
         at = [abs(level.level) for level, _ in line]
         row[0].plot(at, [factor * abs(peak.amplitude) for _, peak in line], **style)
         row[1].errorbar(at, [hertz(peak.omega) for _, peak in line], [hertz(peak.within) / 2.0 for _, peak in line], **style)
@@ -99,7 +98,8 @@ def label_peaks(ax, levels: Sequence[LevelResult], output: int, factor: float, u
 
     A label covers neither another one nor a mark.  The size of the axes and their limits must be final.
     """
-    turns = [(hertz(there.omega), factor * there.amplitude[output]) for level in levels for there in level.bifurcations or ()]
+    bifurcations = [each for level in levels for each in level.bifurcations or ()]
+    turns = [(hertz(each.omega), factor * each.amplitude[output]) for each in bifurcations]
     peaks = [peak for level in levels for peak in level.peaks or () if peak.output == output]
     peaks.sort(key=lambda peak: -abs(peak.amplitude))
     places = np.array([(hertz(peak.omega), factor * abs(peak.amplitude)) for peak in peaks]).reshape(-1, 2)

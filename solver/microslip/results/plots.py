@@ -20,7 +20,7 @@ from .static_plots import draw_static_response, draw_static_states
 from .style import RC, Page, Pages
 
 Picture = Callable[[ResultFile], Pages]
-PICTURES: tuple[Picture, ...] = (  # in an order whose every second, third or fourth are about as much work
+PICTURES: tuple[Picture, ...] = (  # ordered so that shares of every second, third or fourth picture take about the same time
     draw_response,
     draw_error,
     draw_slip_map,
@@ -42,9 +42,9 @@ def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> lis
     """Draw all pictures of a result file, or a share of them, into a folder and return the files.  Local; no MPI, no PETSc.
 
     response.png, peaks.png, peaks_over.png, multipliers.png, states.png, slip_map.png, rom_size.png, energy.png,
-    energy_map.png, sensitivity_map.png, error.png, sectors.png and rest.png.  What is not there (peaks, multipliers, sectors, a
-    joint, a converged point, statics) leaves out the pictures of it.  Of statics alone there are response.png and states.png over
-    the load, slip_map.png, rest.png.
+    energy_map.png, sensitivity_map.png, error.png, sectors.png and rest.png.  Pictures without data (no peaks, multipliers,
+    sectors, joint, converged point or statics) are omitted.  Statics alone have response.png and states.png over the load,
+    slip_map.png and rest.png.
 
     Raises
     ------

@@ -49,22 +49,22 @@ def read_results(path: str, motion: bool = True) -> ResultFile:
         return _read(path, reader, motion)
 
 
-def refuse_deadly(path: str) -> None:
-    """Raise CaseError where a process dies of reading a result file, which may come from anywhere.  Local."""
+def read_in_sandbox(path: str) -> None:
+    """Read a result file in a separate process, and raise CaseError if that process crashes.  Local."""
     if not os.path.isfile(path):
         return  # reported when it is opened
     try:
-        read_file(path, _try, path, gain=MOST_GAIN)
+        read_file(path, _read_all, path, gain=MOST_GAIN)
     except SandboxError as problem:
         raise CaseError(f"{path}: cannot be read as a result file: {problem}; the file is damaged") from None
 
 
-def _try(path: str) -> None:
+def _read_all(path: str) -> None:
     read_results(path), read_fields(path), read_run(path)
 
 
 def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
-    """Return the results of an open file; without ``motion`` du and p of the points stay there.  CaseError: it is damaged."""
+    """Return the results of an open file; without ``motion`` du and p of the points are not read.  CaseError: it is damaged."""
     outputs = tuple(reader.texts("outputs/name"))
     units = tuple(reader.texts("outputs/unit")) if "outputs/unit" in reader else ()
     level_unit = reader.texts("scene/level_unit")[0] if "scene/level_unit" in reader else "N"
@@ -223,8 +223,8 @@ def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: boo
         fault = "its attributes"
     if fault is not None:
         raise CaseError(f"{reader.path}: {fault} of '{group}' cannot be; the file is damaged or was edited")
-    changes, peaks = _bifurcations(reader, group, n_outputs), _peaks(reader, group, n_outputs, n_pairs)
-    return LevelResult(level, status, failure, arrays, unit, closes_to, peaks, changes)
+    bifurcations, peaks = _bifurcations(reader, group, n_outputs), _peaks(reader, group, n_outputs, n_pairs)
+    return LevelResult(level, status, failure, arrays, unit, closes_to, peaks, bifurcations)
 
 
 def _bifurcations(reader: Reader, group: str, n_outputs: int) -> tuple[Bifurcation, ...] | None:

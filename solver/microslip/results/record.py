@@ -58,6 +58,11 @@ class LevelResult:
         """The point with the largest amplitude of the first output; 0 where there is none."""
         return peak(self.response) or 0
 
+    @property
+    def text(self) -> str:
+        """The level with its unit."""
+        return f"{self.level:g} {self.unit}".removesuffix(" 1")
+
     def __getattr__(self, name: str) -> Any:
         try:
             return self.__dict__["arrays"][name]
@@ -71,10 +76,10 @@ class PeaksOver:
 
     key: str  # "level", "joints.NAME.friction", ...
     unit: str  # of the number
-    linear: Peak  # while all pairs stick, at the begin of the range; amplitude per unit of the level
+    linear: Peak  # with all pairs stuck, at the start of the range; amplitude per unit of the level
     value: np.ndarray  # (n,) the number
     damping: np.ndarray  # (n,) damping ratio of one mode with this amplitude per unit of the level
-    points: LevelResult  # the peaks themselves; their ``level`` is 0 where it is the number that varies
+    points: LevelResult  # the peaks as points; ``level`` is 0 if the level is the number that varies
 
     @property
     def frequency(self) -> np.ndarray:
@@ -162,6 +167,11 @@ class Joint:
         """The number of pairs."""
         return len(self.mu)
 
+    @property
+    def has_areas(self) -> bool:
+        """Whether the areas of all pairs are known."""
+        return bool((np.isfinite(self.area) & (self.area > 0.0)).all())
+
 
 JOINT_QUANTITIES = declared(Joint)
 
@@ -184,7 +194,7 @@ STATIC_TABLES: dict[str, dict[str, tuple[str, int]]] = {
 
 @dataclass(frozen=True)
 class ResultFile:
-    """Everything of a results.h5."""
+    """The contents of a results.h5."""
 
     path: str  # "" before it is written
     title: str
@@ -202,7 +212,7 @@ class ResultFile:
     level_unit: str = "N"
     n_dof: int = 0  # of the structure; 0: an earlier version wrote the file
     origin: Origin | None = None  # None: an earlier version wrote the file
-    requested: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
+    requested: tuple[float, ...] = ()  # levels of the scene [N]; empty: an earlier version wrote the file
     at_rest: Mapping[str, StaticTable] = field(default_factory=dict)  # by keys of ``STATIC_TABLES``; none without [statics]
     over: tuple[PeaksOver, ...] = ()  # peaks over numbers of the scene
     wear: Wear | None = None  # None: no study of wear has added it
@@ -235,12 +245,12 @@ class ResultFile:
         def of_level(level: LevelResult) -> LevelResult:
             arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, columns] for name, a in level.arrays.items()}
             peaks = [replace(peak, output=0) for peak in level.peaks or () if peak.output == k]
-            changes = [replace(there, amplitude=there.amplitude[columns]) for there in level.bifurcations or ()]
+            bifurcations = [replace(each, amplitude=each.amplitude[columns]) for each in level.bifurcations or ()]
             return replace(
                 level,
                 arrays=arrays,
                 peaks=None if level.peaks is None else tuple(peaks),
-                bifurcations=None if level.bifurcations is None else tuple(changes),
+                bifurcations=None if level.bifurcations is None else tuple(bifurcations),
             )
 
         return replace(
@@ -280,21 +290,21 @@ def level_result(branch: Branch, sizes: tuple[int, int, int], status: str, unit:
     lengths = axis_lengths(n_outputs, n_pairs, N_H)
     arrays = {quantity.name: quantity.array(branch.points, lengths) for quantity in QUANTITIES}
     peaks = None if branch.peaks is None else tuple(branch.peaks)
-    changes = None if branch.bifurcations is None else tuple(branch.bifurcations)
-    return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to, peaks, changes)
+    bifurcations = None if branch.bifurcations is None else tuple(branch.bifurcations)
+    return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to, peaks, bifurcations)
 
 
 def bifurcation_arrays(bifurcations: Sequence[Bifurcation], n_outputs: int) -> dict[str, np.ndarray]:
     """Return the bifurcations of a level as arrays (n, ...) by the names of ``BIFURCATION_QUANTITIES``.  Local."""
     arrays = {}
     for quantity in BIFURCATION_QUANTITIES:
-        values = np.array([quantity.of(there) for there in bifurcations], dtype=quantity.kind)
+        values = np.array([quantity.of(bifurcation) for bifurcation in bifurcations], dtype=quantity.kind)
         arrays[quantity.dataset] = values.reshape(len(bifurcations), *quantity.shape({"outputs": n_outputs}))
     return arrays
 
 
 def peak_arrays(peaks: Sequence[Peak]) -> dict[str, np.ndarray]:
-    """Return the peaks of a level as arrays (n_peaks, ...) by the names of ``PEAK_QUANTITIES``; without those that some lack.
+    """Return the peaks of a level as arrays (n_peaks, ...) by the names of ``PEAK_QUANTITIES`` that all peaks have.
 
     Local.
     """

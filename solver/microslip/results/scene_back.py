@@ -17,7 +17,7 @@ from ..system.files import atomic_write
 from .origin import InputFile
 from .record import ResultFile
 
-SAME, CHANGED, GONE = "as it was", "changed since", "not there any more"
+SAME, CHANGED, GONE = "unchanged", "changed since", "missing"
 
 
 def write_scene(results: ResultFile, folder: Path) -> Path:
@@ -40,20 +40,20 @@ def write_scene(results: ResultFile, folder: Path) -> Path:
 
 
 def summary_of_run(results: ResultFile) -> list[str]:
-    """Return how results were computed, and which of the files that were read are still the same, in lines.  Local."""
+    """Return lines on how results were computed, and whether the input files are unchanged.  Local."""
     origin = results.origin
     versions = ", ".join(f"{name} {version}" for name, version in results.versions.items())
     lines = [f"from {Path(results.path).name}; computed by {versions}"]
     if origin is not None:
         ranks = f"{origin.n_ranks} rank{'s' if origin.n_ranks > 1 else ''} in {origin.n_groups} groups"
         lines.append(f"{origin.started}, {ranks.removesuffix(' in 1 groups')}: {origin.command}")
-        lines += [f"{entry.key}: {entry.size} bytes, SHA-256 {entry.sha256}, {fate(entry)}" for entry in origin.inputs]
+        lines += [f"{entry.key}: {entry.size} bytes, SHA-256 {entry.sha256}, {state_of_input(entry)}" for entry in origin.inputs]
     if results.options:
         lines.append(f"PETSc options: -- {shlex.join(results.options)}")
     return [" ".join("".join(c if c.isprintable() else " " for c in line).split()) for line in lines]
 
 
-def fate(file: InputFile) -> str:
+def state_of_input(file: InputFile) -> str:
     """Return the state of a file since it was read: SAME, CHANGED or GONE.  Local."""
     try:
         if not os.path.isfile(file.path):  # a path of a file from anywhere: a pipe would not end
@@ -67,9 +67,10 @@ def fate(file: InputFile) -> str:
 
 
 def relocated(results: ResultFile, folder: Path) -> str:
-    """Return the scene's text with the paths of its files as seen from another folder.  Local.
+    """Return the scene's text with the paths of its files relative to another folder.  Local.
 
-    Comments stay where a plain exchange of the paths reads as it should; else the text is as it was, the paths too.
+    Paths are replaced in the text, so that comments remain.  If the result does not parse to the same tables with new paths, the
+    text is returned unchanged.
     """
     text, origin = results.scene_text, results.origin
     if origin is None:
@@ -78,7 +79,7 @@ def relocated(results: ResultFile, folder: Path) -> str:
     known = {os.path.normpath(entry.path) for entry in origin.inputs}
 
     def moved(stated: str) -> str:
-        """Return a path of the scene, or a matrix in a file, as seen from the new folder; other texts as they are."""
+        """Return a path of the scene, or a matrix in a file, relative to the new folder; other texts unchanged."""
         for path, name in ((stated, ""), (stated.rpartition(":")[0], ":" + stated.rpartition(":")[2])):
             if path and not os.path.isabs(path) and os.path.normpath(home / path) in known:
                 return os.path.relpath(home / path, folder.absolute()) + name
@@ -91,15 +92,15 @@ def relocated(results: ResultFile, folder: Path) -> str:
     except (ValueError, RecursionError):
         return text
     written = re.sub(r"""(=\s*)(["'])([^"'\n\\]+)\2""", lambda match: f"{match[1]}{match[2]}{moved(match[3])}{match[2]}", text)
-    return written if _reads_as(written, _exchanged(tables, moved)) else text
+    return written if _reads_as(written, _with_paths(tables, moved)) else text
 
 
-def _exchanged(value: Any, moved: Callable[[str], str]) -> Any:
-    """Return tables with each text exchanged."""
+def _with_paths(value: Any, moved: Callable[[str], str]) -> Any:
+    """Return tables with each text mapped by ``moved``."""
     if isinstance(value, dict):
-        return {key: _exchanged(entry, moved) for key, entry in value.items()}
+        return {key: _with_paths(entry, moved) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_exchanged(entry, moved) for entry in value]
+        return [_with_paths(entry, moved) for entry in value]
     return moved(value) if isinstance(value, str) else value
 
 

@@ -11,7 +11,7 @@ from ..mesh.skin import groups_of_bodies, skin_of_mesh
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class OuterTriangles:
     """Triangles of the outer surface; corners turn left seen from outside."""
 
     nodes: np.ndarray  # (n,) index into Mesh.points
@@ -22,11 +22,11 @@ class Skin:
     n_outer: int  # nodes of the surface before it was made coarser
 
 
-def skin(mesh: Mesh, most: int) -> Skin:
+def outer_triangles(mesh: Mesh, most: int) -> OuterTriangles:
     """Return the outer surface of a mesh with at most ``most`` nodes.  Local.
 
-    Middles of sides are left out.  A surface of more nodes is made coarser: the nodes in each cube of a grid become the one
-    nearest to their middle, and triangles within a cube go.
+    Mid-side nodes are omitted.  A surface with more nodes is coarsened: the nodes in each cube of a grid are replaced by the one
+    nearest to their middle, and triangles within a cube are removed.
     """
     outer = skin_of_mesh(mesh)
     corners, names = outer.corners, tuple(groups_of_bodies(mesh))
@@ -37,15 +37,15 @@ def skin(mesh: Mesh, most: int) -> Skin:
     edges = np.searchsorted(nodes, np.unique(sides[sides[:, 0] != sides[:, 1]], axis=0))
     n_outer = len(nodes)
     if n_outer > most:
-        clustered = _clustered(mesh.points[nodes], most)
-        triangles = clustered[triangles]
+        representative = _representatives(mesh.points[nodes], most)
+        triangles = representative[triangles]
         is_triangle = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
         triangles, body = triangles[is_triangle], body[is_triangle]
         _, first = np.unique(np.column_stack([np.sort(triangles, axis=1), body]), axis=0, return_index=True)
         triangles, body, edges = triangles[np.sort(first)], body[np.sort(first)], np.zeros((0, 2), dtype=int)
         used, triangles = _renumbered(triangles)
         nodes = nodes[used]
-    return Skin(nodes, triangles, body, names, edges, n_outer)
+    return OuterTriangles(nodes, triangles, body, names, edges, n_outer)
 
 
 def _renumbered(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def _renumbered(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return nodes, index.reshape(triangles.shape)
 
 
-def _clustered(points: np.ndarray, most: int) -> np.ndarray:
+def _representatives(points: np.ndarray, most: int) -> np.ndarray:
     """Return for each point the representative of its cube of a grid, (n,); the grid has at most ``most`` cubes with points."""
     low, size = points.min(axis=0), np.ptp(points, axis=0).max()
     fine, coarse = size / 1e4, size

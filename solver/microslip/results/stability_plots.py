@@ -18,10 +18,10 @@ _MARKS = dict(zip(KINDS, "Ds^v"))
 
 
 def runs(stable: np.ndarray | None, segment: slice) -> Iterator[tuple[slice, bool]]:
-    """Yield the stable and unstable parts of a segment, and which of both each is.  Local.
+    """Yield the stable and unstable parts of a segment, each with whether it is stable.  Local.
 
-    ``stable`` (n,) has it for each point; between a stable and an unstable one the curve counts as unstable.  Without it all of
-    the segment is one part.
+    ``stable`` (n,) of all points of the curve; between a stable and an unstable point the curve counts as unstable.  None: the
+    whole segment is one stable part.
     """
     n = segment.stop - segment.start
     stable = np.ones(n, dtype=bool) if stable is None else stable[segment].astype(bool)
@@ -33,9 +33,9 @@ def runs(stable: np.ndarray | None, segment: slice) -> Iterator[tuple[slice, boo
 
 def mark_bifurcations(ax, level: LevelResult, output: int, factor: float, colour) -> None:
     """Mark the bifurcations of a level in the curve of an output, amplitudes times ``factor``."""
-    for there in level.bifurcations or ():
-        size = factor * float(there.amplitude[output])
-        ax.plot(hertz(there.omega), size, _MARKS[there.kind], ms=3.5, mfc=colour, mec=INK, mew=0.6, zorder=4.5)
+    for bifurcation in level.bifurcations or ():
+        size = factor * float(bifurcation.amplitude[output])
+        ax.plot(hertz(bifurcation.omega), size, _MARKS[bifurcation.kind], ms=3.5, mfc=colour, mec=INK, mew=0.6, zorder=4.5)
 
 
 def stability_handles(results: ResultFile) -> list[Line2D]:
@@ -44,7 +44,7 @@ def stability_handles(results: ResultFile) -> list[Line2D]:
     if any(level.stable is not None and not level.stable.all() for level in levels):
         handles.append(Line2D([], [], color=INK, lw=1.2, ls=DASHES, label="unstable"))
     for kind in KINDS:
-        if any(there.kind == kind for level in levels for there in level.bifurcations or ()):
+        if any(bifurcation.kind == kind for level in levels for bifurcation in level.bifurcations or ()):
             handles.append(Line2D([], [], color="none", marker=_MARKS[kind], ms=3.5, mfc=FAINT, mec=INK, mew=0.6, label=kind))
     return handles
 
@@ -74,8 +74,15 @@ def draw_multipliers(results: ResultFile) -> Pages:
         size = np.hypot(real, imaginary)
         shrink, is_beyond = FARTHEST / np.maximum(size, FARTHEST), size > FARTHEST
         for mark, some_of in (("o", ~stable[:, None] & ~is_beyond), ("D", is_beyond)):
-            there = (shrink * real)[some_of], (shrink * imaginary)[some_of]
-            ax.plot(*there, mark, ms=3.5, mfc="none", mec=colours[level.level], zorder=3.0)
+            ax.plot(
+                (shrink * real)[some_of],
+                (shrink * imaginary)[some_of],
+                mark,
+                ms=3.5,
+                mfc="none",
+                mec=colours[level.level],
+                zorder=3.0,
+            )
         ax.set_aspect("equal", adjustable="datalim")
         ax.set_title(level_name(level, short=True), loc="left")
         ax.set(xlabel="real part [-]", ylabel="imaginary part [-]")

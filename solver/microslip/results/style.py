@@ -64,6 +64,7 @@ STATE_STYLES = ("-", "-", "--")
 INK, FAINT = "#1a1a1a", "#8a8a8a"
 BOXED = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}  # of text over lines
 LINEAR = {"color": "#b9b9b9", "lw": 3.2, "solid_capstyle": "butt"}  # a broad line that shows under the others
+SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # of curves that are not levels
 _LEVELS = "viridis"
 
 
@@ -89,20 +90,19 @@ def with_prefix(values, unit: str) -> tuple[float, str]:
 
 
 def plain(text: str, most: int = 60) -> str:
-    """Return a user's text on one line, short enough, and without anything that would be set as a formula."""
+    """Return a user's text on one line of at most ``most`` characters, in which matplotlib finds no formula."""
     line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     line = line if len(line) <= most else line[: most - 1].rstrip() + "\u2026"
     return line.replace("$", r"\$")
 
 
 def level_name(level: LevelResult, short: bool = False) -> str:
-    """Return a level for a legend or, ``short``, a small panel, with where or that it stopped if it did."""
-    name = f"{level.level:g} {level.unit}".removesuffix(" 1")
+    """Return the name of a level for a legend; whether it stopped early, and at which frequency unless ``short``."""
     if len(level.frequency) == 0:
-        return name + ", no point"
+        return level.text + ", no point"
     if level.status != STOPPED:
-        return name
-    return name + (" (stopped)" if short else f", stopped at {level.frequency[-1]:.5g} Hz")
+        return level.text
+    return level.text + (" (stopped)" if short else f", stopped at {level.frequency[-1]:.5g} Hz")
 
 
 def outputs_by_page(results: ResultFile) -> list[tuple[str, list[tuple[int, str]]]]:
@@ -113,7 +113,7 @@ def outputs_by_page(results: ResultFile) -> list[tuple[str, list[tuple[int, str]
 
 
 def some(items: Sequence, most: int) -> list:
-    """Return at most ``most`` items, evenly spread, the first and the last among them."""
+    """Return at most ``most`` items, evenly spread, including the first and the last."""
     if len(items) <= most:
         return list(items)
     return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
@@ -142,7 +142,7 @@ class PageFigure(Figure):
 
 
 class Page:
-    """A figure with a heading and a legend above a field for axes; sizes in inches, ``height`` that of the field.
+    """A figure with a heading and a legend above a field for axes; sizes in inches, ``height`` of the field.
 
     The heading is the scene's title and, in a second line, the subject of the picture.
     """

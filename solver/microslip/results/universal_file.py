@@ -14,10 +14,10 @@ from ..mesh.data import Mesh
 from ..system.files import atomic_write
 from .fields import Fields
 from .measures import segments
-from .record import LevelResult, ResultFile
+from .record import ResultFile
 
-# Number of the element, and its nodes in the order of UNV: around the bottom with the middles of its sides, up, around the top.
-# There are no pyramids: they are bricks whose top is one node.
+# Type of the element, and its nodes in the order of UNV: around the bottom with the mid-side nodes, mid-sides of the vertical
+# edges, around the top.  UNV has no pyramids: they are written as bricks whose top nodes coincide.
 ELEMENTS = {
     "tet4": (111, (0, 1, 2, 3)),
     "wedge6": (112, (0, 1, 2, 3, 4, 5)),
@@ -59,7 +59,7 @@ def _data_sets(results: ResultFile, fields: Fields | None) -> Iterator[tuple[int
         for number, motion in fields.peaks.items():
             level = results.levels[number]
             first = motion.u[:, :, 1] - 1j * motion.u[:, :, 2]
-            heading = f"harmonic 1 at the peak, level {_level(level)}"
+            heading = f"harmonic 1 at the peak, level {level.text}"
             yield (
                 55,
                 _shape(
@@ -95,7 +95,7 @@ def _shape(
 ) -> Iterator[str]:
     """Yield a vector at every node: real of a mode, complex of a response.
 
-    ``integers`` begins with the numbers of what follows in it, and of ``real``.
+    ``integers`` starts with the numbers of its further values and of the values in ``real``.
     """
     analysis, kind = (5, 5) if np.iscomplexobj(u) else (2, 2)
     yield from (_line(text) for text in (results.title, heading, "microslip", "", ""))
@@ -115,7 +115,7 @@ def _function(results: ResultFile, fields: Fields | None, number: int, k: int, p
     H = (level.response[part, k, 1] - 1j * level.response[part, k, 2]) / (level.level or 1.0)
     node, direction = _place(fields, k)
     unit = results.unit_of(k)
-    yield from (_line(text) for text in (f"{name}, level {_level(level)}", results.title, "", "microslip, harmonic 1", "NONE"))
+    yield from (_line(text) for text in (f"{name}, level {level.text}", results.title, "", "microslip, harmonic 1", "NONE"))
     yield f"{4:5d}{number + 1:10d}{0:5d}{number + 1:10d} {_line(name, 10):<10}{node:10d}{direction:4d} {'NONE':<10}{0:10d}{0:4d}"
     yield f"{6:10d}{len(H):10d}{0:10d}{_single(frequency[0])}{_single(0.0)}{_single(level.level)}"
     yield _axis(_FREQUENCY, "frequency", "Hz")
@@ -137,10 +137,6 @@ def _place(fields: Fields | None, k: int) -> tuple[int, int]:
 
 def _axis(kind: int, label: str, unit: str) -> str:
     return f"{kind:10d}{0:5d}{0:5d}{0:5d} {label:<20} {unit:<20}"
-
-
-def _level(level: LevelResult) -> str:
-    return f"{level.level:g} {level.unit}".removesuffix(" 1")
 
 
 def _line(text: str, most: int = 80) -> str:

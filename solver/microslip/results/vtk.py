@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from ..mesh.data import Mesh
+from ..mesh.skin import groups_of_bodies
 from ..system.files import atomic_write
 from ..system.hdf5 import written_hdf5
 
@@ -26,7 +27,7 @@ def write_modes(path: str, mesh: Mesh | str, omega_n: np.ndarray, fields: np.nda
     Parameters
     ----------
     path : ends in .vtkhdf
-    mesh : or a file of this function with the same mesh, which is copied from it as it is packed
+    mesh : the mesh, or the path of a file that this function has written with it, from which its data are copied
     omega_n : (n_modes,) rad/s
     fields : (n_modes, n_nodes, 3) displacements in the order of ``mesh.points``
 
@@ -113,7 +114,7 @@ def write_grid(root: h5py.Group, mesh: Mesh) -> None:
 
 def write_numbers(root: h5py.Group, mesh: Mesh) -> None:
     """Write the user's numbers of nodes and elements, and the body of each element.  Local."""
-    groups = list(dict.fromkeys(block.group for block in mesh.elements))
+    groups = groups_of_bodies(mesh)
     pack(root, "PointData/node", mesh.numbers.astype("i8"))
     pack(root, "CellData/element", np.concatenate([block.numbers for block in mesh.elements]).astype("i8"))
     body = [np.full(len(block.nodes), groups.index(block.group)) for block in mesh.elements]

@@ -30,19 +30,19 @@ def write_structure_series(path: str, mesh: Mesh, times: Sequence[float] | np.nd
         write_numbers(root, mesh)
         _write_steps(root, times, 1)
         _write_series(root, "PointData", len(mesh.points), len(times), at_nodes)
-        _stays(root, "PointData", ["node"], len(times))
-        _stays(root, "CellData", ["element", "body"], len(times))
+        _mark_constant(root, "PointData", ["node"], len(times))
+        _mark_constant(root, "CellData", ["element", "body"], len(times))
 
 
 def write_joint_series(
-    path: str, joint: JointMesh, times: Sequence[float] | np.ndarray, at_pairs: At, stays: Mapping[str, np.ndarray]
+    path: str, joint: JointMesh, times: Sequence[float] | np.ndarray, at_pairs: At, constant: Mapping[str, np.ndarray]
 ) -> None:
     """Write fields of the pairs as polygons with values, in steps at ``times``.  Local.
 
     Parameters
     ----------
     at_pairs : (n_pairs,) or (n_pairs, 3) each at a step; ``displacement`` goes to the points, everything else to the polygons
-    stays : (n_pairs,) or (n_pairs, 3) each, the same at all steps
+    constant : (n_pairs,) or (n_pairs, 3) each, the same at all steps
 
     Raises
     ------
@@ -65,10 +65,10 @@ def write_joint_series(
         _write_steps(root, times, len(_TOPOLOGIES))
         _write_series(root, "CellData", len(pair), n, of_cells)
         _write_series(root, "PointData", len(joint.points), n, of_points)
-        fixed = {"pair": np.arange(joint.weights.shape[1]), **stays}
+        fixed = {"pair": np.arange(joint.weights.shape[1]), **constant}
         for name, values in fixed.items():
             pack(root, f"CellData/{name}", values[pair])
-        _stays(root, "CellData", list(fixed), n)
+        _mark_constant(root, "CellData", list(fixed), n)
 
 
 def _write_polygons(root: h5py.Group, joint: JointMesh, order: np.ndarray) -> None:
@@ -110,7 +110,7 @@ def _write_series(root: h5py.Group, data: str, size: int, n: int, values_at: At)
             sets[name][step * size : (step + 1) * size] = values
 
 
-def _stays(root: h5py.Group, data: str, names: Sequence[str], n: int) -> None:
+def _mark_constant(root: h5py.Group, data: str, names: Sequence[str], n: int) -> None:
     """Mark fields that are the same at all steps."""
     for name in names:
         root.create_dataset(f"Steps/{data}Offsets/{name}", data=np.zeros(n, dtype="i8"))

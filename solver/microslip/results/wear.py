@@ -134,9 +134,9 @@ def write_wear_series(folder: str, history: WearHistory) -> None:
             "friction_loss_J": history.energy[i],
             "state": history.state[i].astype(float),
         }
-        if np.isfinite(joint.area).all() and (joint.area > 0.0).all():
+        if joint.has_areas:
             values["pressure_at_rest_Pa"] = history.normal_force[i] / joint.area
         return values
 
-    stays = {"joint": joint.joint, "area_m2": joint.area}
-    write_joint_series(os.path.join(folder, "wear.vtkhdf"), mesh, history.cycles, at_pairs, stays)
+    constant = {"joint": joint.joint, "area_m2": joint.area}
+    write_joint_series(os.path.join(folder, "wear.vtkhdf"), mesh, history.cycles, at_pairs, constant)

@@ -11,10 +11,9 @@ from matplotlib.lines import Line2D
 from ..fourier.coefficients import amplitude
 from .joint_plots import draw_on_joint
 from .record import LevelResult, ResultFile
-from .style import INK, WIDTH, Page, Pages, plain, some, with_prefix
+from .style import INK, SERIES_COLOURS, WIDTH, Page, Pages, plain, some, with_prefix
 from .wear import WearHistory
 
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 _MAPS = 3  # numbers of cycles of which a map is drawn
 _WORN = "#d55e00"
 _NEAR = 0.2  # of the peak: of the curves so much is shown
@@ -25,7 +24,7 @@ def draw_wear(results: ResultFile, history: WearHistory, curves: Sequence[LevelR
     names = [plain(name, 24) for name in history.joint.names]
     handles = [Line2D([], [], color=INK, label="new")] + [Line2D([], [], color=_WORN, label="worn")] if len(curves) == 2 else []
     if len(names) > 1:
-        handles += [Line2D([], [], color=_COLOURS[k % 6], marker="o", ms=2.5, label=name) for k, name in enumerate(names)]
+        handles += [Line2D([], [], color=SERIES_COLOURS[k % 6], marker="o", ms=2.5, label=name) for k, name in enumerate(names)]
     of_peak = f"at {history.frequency[0]:.6g} Hz" if history.frequency_stays else f"at the peak of {plain(history.output, 30)}"
     heading = f"wear {of_peak} at {history.level:g} {history.level_unit}, by {history.law}: response and joint over the cycles"
     page = Page(results, heading, WIDTH, 4.4, handles)
@@ -45,7 +44,7 @@ def draw_wear(results: ResultFile, history: WearHistory, curves: Sequence[LevelR
     ]
     for ax, label, series in panels:
         for k, values in enumerate(series):
-            ax.plot(history.cycles, values, color=_COLOURS[k % 6] if len(series) > 1 else INK, marker="o", ms=2.5)
+            ax.plot(history.cycles, values, color=SERIES_COLOURS[k % 6] if len(series) > 1 else INK, marker="o", ms=2.5)
         ax.set_ylabel(label)
         ax.set_xlabel("cycles")
     for ax in (axes[1, 1], axes[1, 2]):
@@ -56,8 +55,8 @@ def draw_wear(results: ResultFile, history: WearHistory, curves: Sequence[LevelR
 
 def _share_of_first(N: np.ndarray) -> np.ndarray:
     """Return the least normal force over that of the same pair before the first cycle, (n,) [%]."""
-    pressed = N[0] > 0.0
-    return 100.0 * (N[:, pressed] / N[0, pressed]).min(axis=1, initial=1.0)
+    is_loaded = N[0] > 0.0
+    return 100.0 * (N[:, is_loaded] / N[0, is_loaded]).min(axis=1, initial=1.0)
 
 
 def _draw_curves(ax, results: ResultFile, history: WearHistory, curves: Sequence[LevelResult], factor: float, unit: str) -> None:
@@ -81,7 +80,7 @@ def draw_wear_map(results: ResultFile, history: WearHistory) -> Pages:
         return {}
     factor, unit = with_prefix([most], "m")
     shown = force[[0, n - 1]]
-    pressed, of = max(float(shown.max(initial=0.0)), 1e-300), "pressure [MPa]" if has_area else "normal force [N]"
+    largest, of = max(float(shown.max(initial=0.0)), 1e-300), "pressure [MPa]" if has_area else "normal force [N]"
     per = 1e-6 if has_area else 1.0
     blocks = []
     for i in some(list(range(n)), _MAPS)[1:]:
@@ -91,6 +90,6 @@ def draw_wear_map(results: ResultFile, history: WearHistory) -> Pages:
     for i in (0, n - 1):
         low, high = per * force[i].min(), per * force[i].max()
         head = f"{of} at rest after {history.cycles[i]:.4g} cycles: {low:.3g} to {high:.3g}"
-        blocks.append((head, palette(force[i] / pressed)))
+        blocks.append((head, palette(force[i] / largest)))
     bar = (palette, matplotlib.colors.Normalize(0.0, 1.0), "over the largest shown, of depth and of pressure")
     return draw_on_joint(results, "wear_map.png", "worn depth and pressure at rest of the contact pairs", blocks, [], bar)

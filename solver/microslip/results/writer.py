@@ -48,8 +48,8 @@ class ResultWriter:
 
     Parameters
     ----------
-    head : everything but the levels; of rank 0
-    N_H : coefficients a DOF, 2 H + 1
+    head : the results without levels; used on rank 0
+    N_H : coefficients per DOF, 2 H + 1
 
     Raises
     ------
@@ -61,7 +61,7 @@ class ResultWriter:
         self.path = os.path.join(folder, NAME)
         self._sizes = (len(head.outputs), head.joint.n_pairs, N_H)
         self._units, self._level_unit = [head.unit_of(k) for k in range(len(head.outputs))], head.level_unit
-        self._at_work: dict[int, Branch] = {}  # by the number of the level
+        self._unfinished: dict[int, Branch] = {}  # by the number of the level
         self._table = on_root(comm, self._create, head, share=False)
 
     def _create(self, head: ResultFile) -> ResponseTable:
@@ -80,18 +80,18 @@ class ResultWriter:
 
     def level_started(self, number: int, level: float, where: str = "") -> None:
         """Begin a level [N]."""
-        self._at_work[number] = Branch(level)
+        self._unfinished[number] = Branch(level)
 
     def point(self, number: int, i: int, point: Point) -> None:
         """Append the ``i``-th converged point of a level, counted from 0, to frf.csv."""
-        branch = self._at_work[number]
+        branch = self._unfinished[number]
         with unbroken():  # both files have the same points where a signal stops the run
             branch.points.append(point)
             self._table.add(branch.level, i, point)
 
     def level_finished(self, number: int, branch: Branch) -> None:
         """Write the level to results.h5, complete or stopped early."""
-        del self._at_work[number]
+        del self._unfinished[number]
         self._save(number, branch, STOPPED if branch.failure else COMPLETE)
 
     def table_is_gone(self) -> bool:
@@ -104,7 +104,7 @@ class ResultWriter:
 
     def save(self) -> None:
         """Write the points so far of unfinished levels to results.h5: before a time limit, or after an error elsewhere."""
-        for number, branch in self._at_work.items():
+        for number, branch in self._unfinished.items():
             self._save(number, branch, RUNNING)
 
     def _save(self, number: int, branch: Branch, status: str) -> None:
@@ -112,7 +112,7 @@ class ResultWriter:
         result = level_result(branch, self._sizes, status, self._level_unit)
         name = f"levels/{number:04d}"
         with extended_hdf5(self.path, name) as file:
-            write_level(file.create_group(name), result, common(self._units))
+            write_level(file.create_group(name), result, common_unit(self._units))
 
     def close(self) -> None:
         """Close frf.csv; results.h5 is closed between the levels.  Local, so that an error of one rank may pass through."""
@@ -140,7 +140,7 @@ def _write_head(file: h5py.File, head: ResultFile) -> None:
     write_array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
     if head.linear is not None:
         write_array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
-        write_array(file, "linear/response_per_N", head.linear.response, f"{common(units)}/{head.level_unit}")
+        write_array(file, "linear/response_per_N", head.linear.response, f"{common_unit(units)}/{head.level_unit}")
 
 
 def _write_origin(group: h5py.Group, origin: Origin) -> None:
@@ -154,7 +154,7 @@ def _write_origin(group: h5py.Group, origin: Origin) -> None:
     write_array(group, "inputs/size", np.array([entry.size for entry in origin.inputs], dtype="i8"), "bytes")
 
 
-def common(units: list[str]) -> str:
+def common_unit(units: list[str]) -> str:
     """Return the unit common to all outputs, or where it is stated.  Local."""
     return units[0] if len(set(units)) == 1 else "that of outputs/unit"
 

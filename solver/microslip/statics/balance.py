@@ -78,16 +78,15 @@ def balance_of(loaded: Loaded, rest: Rest, acting: Acting | None) -> Balance:
 
 def _of_joints(pairs: ContactPairs, rest: Rest, acting: Acting, cyclic: Cyclic | None) -> JointsAtRest:
     """Return the resultant forces of joints, including stated preloads; second sides in the next sector act where it lies."""
-    sides, names = pairs.sides(len(acting.places)), np.array(pairs.joint)
+    sides = pairs.sides(len(acting.places))
     on_first = -_in_model_axes(pairs, rest.force)
-    there = acting.places
+    in_next_sector = acting.places
     if cyclic is not None:
-        there = turned_about(there, rotation(cyclic.axis, cyclic.angle), cyclic.axis_point)
+        in_next_sector = turned_about(acting.places, rotation(cyclic.axis, cyclic.angle), cyclic.axis_point)
     rows: list[tuple] = []
-    for name in dict.fromkeys(pairs.joint):
-        of_joint = np.flatnonzero(names == name)
+    for name, of_joint in pairs.by_joint().items():
         about = np.average(pairs.position[of_joint], axis=0, weights=pairs.area[of_joint])
-        places = acting.places, there if pairs.next_sector[of_joint].any() else acting.places
+        places = acting.places, in_next_sector if pairs.next_sector[of_joint].any() else acting.places
         first, second = (
             _resultant(at, side[of_joint].T @ (sign * on_first[of_joint]), about)
             for side, sign, at in zip(sides, (1.0, -1.0), places)
@@ -111,13 +110,15 @@ def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
     for i in np.unique(tied):
         nodes, of_body = np.flatnonzero(tied[part] == i), np.flatnonzero(of_points == i)
         about, at = mesh.points[nodes].mean(axis=0), acting.places[nodes]
-        borne = _resultant(acting.points[of_body], acting.on_points[of_body, :3], about)
-        borne[3:] += acting.on_points[of_body, 3:].sum(axis=0)
+        on_points = _resultant(acting.points[of_body], acting.on_points[of_body, :3], about)
+        on_points[3:] += acting.on_points[of_body, 3:].sum(axis=0)
         loads, joints, supports = (_resultant(at, forces[nodes], about) for forces in (acting.loads, contact, on_supports))
         sizes = [np.linalg.norm(forces[nodes], axis=1).sum() for forces in (acting.loads, contact, on_supports)]
         sizes[0] += np.linalg.norm(acting.on_points[of_body, :3], axis=1).sum()
         name = listed([part_names[k] for k in np.flatnonzero(tied == i)])
-        rows.append((name, about, loads + borne, joints, supports - borne, max(sizes), _farthest(mesh.points[nodes], about)))
+        rows.append(
+            (name, about, loads + on_points, joints, supports - on_points, max(sizes), _farthest(mesh.points[nodes], about))
+        )
     return BodiesAtRest(*_columns(rows, (str, 3, 6, 6, 6, 0, 0)))
 
 
@@ -129,7 +130,7 @@ def _in_model_axes(pairs: ContactPairs, force: np.ndarray) -> np.ndarray:
 def _contact_on_nodes(pairs: ContactPairs, rest: Rest, n_nodes: int, cyclic: Cyclic | None) -> np.ndarray:
     """Return the contact forces on nodes, -R^T f_nl, (n_nodes, 3) [N]; stated preloads are self-equilibrated.
 
-    A second side in the next sector is that of this one, turned: so are the forces of the sector before on it.
+    A second side in the next sector has the nodes of this sector, turned; the forces on it are turned back to them.
     """
     carried = rest.force.copy()
     carried[:, 2] += np.maximum(np.nan_to_num(pairs.N0), 0.0)
@@ -163,10 +164,10 @@ def _columns(rows: list[tuple], widths: tuple) -> tuple:
 def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
     """Raise ConvergenceError for a body or a joint whose imbalance exceeds the limit of an accepted solve.  Local."""
     for what, table, force in (("", balance.bodies, balance.bodies.left), ("joint ", balance.joints, _between(balance.joints))):
-        sizes = _against(table.size)
+        sizes = _reference_forces(table.size)
         for i, name in enumerate(table.names):
             left = float(np.linalg.norm(force[i, :3]))
-            if not left <= max(ROUNDING_LIMIT * sizes[i], _of_newton(loaded.pairs, rest)):
+            if not left <= max(ROUNDING_LIMIT * sizes[i], _newton_imbalance(loaded.pairs, rest)):
                 shown = repr(name) if what else name
                 raise ConvergenceError(
                     f"{loaded.where}{': ' if loaded.where else ''}[statics]: the forces on {what}{shown} are not in balance: of "
@@ -175,12 +176,12 @@ def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
                 )
 
 
-def _against(size: np.ndarray) -> np.ndarray:
+def _reference_forces(size: np.ndarray) -> np.ndarray:
     """Return the reference forces of each joint or body, (n,) [N]: the imbalance of a solve is relative to all forces."""
     return np.maximum(size, RESIDUAL_LIMIT * size.max(initial=0.0))
 
 
-def _of_newton(pairs: ContactPairs, rest: Rest) -> float:
+def _newton_imbalance(pairs: ContactPairs, rest: Rest) -> float:
     """Return the imbalance that the tolerance of (12.3) allows [N]."""
     return TOLERANCE * float(np.abs(rest.du).max(initial=0.0) * np.nansum(pairs.k_n + 2.0 * pairs.k_t))
 
@@ -197,21 +198,21 @@ def in_words(balance: Balance) -> list[str]:
 
 def _joints_in_words(joints: JointsAtRest) -> list[str]:
     lines = []
-    sizes = _against(joints.size)
+    sizes = _reference_forces(joints.size)
     for i, name in enumerate(joints.names):
         size, reach = sizes[i] or 1.0, joints.reach[i] or 1.0
         off, turned = np.linalg.norm(_between(joints)[i].reshape(2, 3), axis=1) / (size, size * reach)
         carried = f"{_shown(joints.on_first[i, :3], size)} N and {_shown(joints.on_first[i, 3:], size * reach)} N m"
         lines.append(
             f"  {name}: transmits {carried} about {place(joints.about[i])} m to its first side; its two sides differ by "
-            f"{off:.1e} of the forces, {turned:.1e} of their moments{_open(off)}"
+            f"{off:.1e} of the forces, {turned:.1e} of their moments{_imbalance_warning(off)}"
         )
     return lines
 
 
 def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
     lines = []
-    sizes = _against(bodies.size)
+    sizes = _reference_forces(bodies.size)
     for i, name in enumerate(bodies.names):
         size, reach = sizes[i] or 1.0, bodies.reach[i] or 1.0
         by = {"loads": bodies.loads[i, :3], "joints": bodies.joints[i, :3], "supports": bodies.supports[i, :3]}
@@ -219,12 +220,13 @@ def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
         acting = ", ".join(f"{what} {_shown(force, size)} N" for what, force in forces.items())
         left, turned = np.linalg.norm(bodies.left[i].reshape(2, 3), axis=1) / (size, size * reach)
         lines.append(
-            f"  {name}: {acting or 'no forces'}; imbalance {left:.1e} of the forces, {turned:.1e} of their moments{_open(left)}"
+            f"  {name}: {acting or 'no forces'}; imbalance {left:.1e} of the forces, {turned:.1e} of their moments"
+            f"{_imbalance_warning(left)}"
         )
     return lines
 
 
-def _open(remainder: float) -> str:
+def _imbalance_warning(remainder: float) -> str:
     """Return a warning if the imbalance is larger than a solve should leave."""
     return "" if remainder <= RESIDUAL_LIMIT else f": more than the {RESIDUAL_LIMIT:g} that a solve should leave"
 

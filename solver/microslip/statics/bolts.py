@@ -13,7 +13,7 @@ from ..linear.joint_springs import Linearised
 from ..messages.errors import CaseError
 from ..parallel.ownership import summed
 
-_NOTHING = 1e-9  # stiffness at a cut over the stiffness of the shank, below which nothing clamps its two halves
+_UNCLAMPED = 1e-9  # stiffness at a cut over the stiffness of the shank, below which only the shank connects its two sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
     S = np.diag(bolts.k) - gram(comm, bolts.F_owned, U_owned)
     S = comm.bcast(0.5 * (S + S.T))
     for bolt, k, s in zip(bolts.given, bolts.k, np.diag(S)):
-        if bolt.force is not None and s < _NOTHING * k:
+        if bolt.force is not None and s < _UNCLAMPED * k:
             raise CaseError(
                 f"{where}{': ' if where else ''}[[statics.bolts]] {bolt.label!r}: there is nothing to clamp: besides the shank "
                 "nothing connects its two sides, no joint under the head and no support; add the joint that it presses on, or "

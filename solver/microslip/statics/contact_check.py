@@ -53,7 +53,10 @@ def _size(forces: np.ndarray, pairs: ContactPairs, rest: Rest) -> float:
 
 
 def _groups(part: np.ndarray, n_parts: int, loose: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the group of each part, (n_parts,), and which groups are held: held parts form the first; tied parts one each."""
+    """Return the group of each part, (n_parts,), and which groups are held, (n_groups,) bool.
+
+    All held parts form the first group; each set of tied ``loose`` parts forms another.
+    """
     group_of = np.zeros(n_parts, dtype=int)
     for i, parts in enumerate(loose, 1):
         group_of[parts] = i

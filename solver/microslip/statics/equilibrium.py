@@ -16,7 +16,7 @@ from scipy.linalg import lapack
 from ..assembly.pretension import Bolts
 from ..assembly.system import System
 from ..contact.law import Law
-from ..contact.laws import are_springs, pressed_to
+from ..contact.laws import are_springs, initial_guess
 from ..guards.memory import refuse_beyond
 from ..linear.joint_springs import Linearised, linearise
 from ..mesh.data import ContactPairs
@@ -36,7 +36,7 @@ SHORTEST = 2.0**-12  # shortest part of a load step
 LARGEST = 12_000  # rows of a dense solve for pairs that open or slip
 _CHECKED_FROM = 1e8  # bytes from which the available memory is checked before allocation
 _BLOCK = 64  # pairs per block of copied rows of the flexibility
-_FEWER = "a coarser mesh of the contact surfaces, stiffer contact, or more ranks on more machines need less"
+_FEWER = "use a coarser mesh of the contact surfaces, a stiffer contact, or more ranks on more machines"
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,13 +246,13 @@ class Loading:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sought:
-    """An equilibrium problem: loads, contact law, and the state before."""
+class _Problem:
+    """An equilibrium problem: loads, contact law, and the previous state."""
 
     loading: Loading
     fraction: float  # fraction of the increasing part
     law: Law
-    was: State
+    before: State
 
     @property
     def load(self) -> np.ndarray:
@@ -261,7 +261,7 @@ class _Sought:
 
     def at(self, du: np.ndarray) -> _Trial:
         """Return the pairs at a motion (n_pairs, 3) [m].  Local."""
-        after, L, _ = self.law.step(du, self.was.after)
+        after, L, _ = self.law.step(du, self.before.after)
         return _Trial(State(du, after), L, after[:, :3].any(axis=1) | L.any(axis=(1, 2)))
 
 
@@ -275,7 +275,7 @@ class _Trial:
 
 
 class Contact:
-    """du = held + fraction rising - G p, p by the law from the state before: Newton's method; rank 0 solves."""
+    """Newton's method for du = base + fraction rising - G p, with p by the law from the previous state; rank 0 solves."""
 
     def __init__(self, comm: MPI.Comm, pairs: ContactPairs, G: Flexibility):
         self.comm, self.pairs, self.law, self.G = comm, pairs, pairs.law, G
@@ -287,7 +287,7 @@ class Contact:
         while fraction < 1.0 - 1e-9:
             next_fraction = min(fraction + step, 1.0)
             guess = now.du + (next_fraction - fraction) * loading.rising
-            state = self._solve(loading, now, next_fraction, pressed_to(self.pairs.laws, self.pairs.columns, now.du, guess))
+            state = self._solve(loading, now, next_fraction, initial_guess(self.pairs.laws, self.pairs.columns, now.du, guess))
             if state is None and n_taken == 0 and step == 1.0 / n_steps and (self.pairs.N0 < 0.0).any():
                 state = self._fallen(loading, now, next_fraction)
             if state is None:
@@ -298,7 +298,7 @@ class Contact:
             now, fraction, n_taken, step = state, next_fraction, n_taken + 1, min(2.0 * step, 1.0 / n_steps)
         return now, n_taken
 
-    def _fallen(self, loading: Loading, was: State, fraction: float) -> State | None:
+    def _fallen(self, loading: Loading, before: State, fraction: float) -> State | None:
         """Return the state of bodies that have moved through their gaps, None if there is none.  Collective.
 
         A body with only gaps moves freely until they close: no fraction of the load leads to this state.  Instead the gaps
@@ -306,7 +306,7 @@ class Contact:
         """
         opened, step, gaps = 0.0, 1.0, np.minimum(self.pairs.N0, 0.0)
         start = fraction * loading.rising
-        now = self._solve(loading, was, fraction, start, replace(self.pairs, N0=self.pairs.N0 - gaps).law)
+        now = self._solve(loading, before, fraction, start, replace(self.pairs, N0=self.pairs.N0 - gaps).law)
         while now is not None and opened < 1.0:
             target = min(opened + step, 1.0)
             start = now.du.copy()
@@ -321,29 +321,28 @@ class Contact:
         after[restarts, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[restarts]
         return self._solve(loading, State(now.du, after), fraction, now.du)
 
-    def _solve(self, loading: Loading, was: State, fraction: float, du: np.ndarray, law: Law | None = None) -> State | None:
+    def _solve(self, loading: Loading, before: State, fraction: float, du: np.ndarray, law: Law | None = None) -> State | None:
         """Return the state at a fraction of the load, from ``du``; None if Newton's method does not converge.  Collective.
 
         With many gaps, full steps are tried first; if they fail, steps that must reduce the residual follow.
         """
-        has_gaps, sought = bool((self.pairs.N0 < 0.0).any()), _Sought(loading, fraction, law or self.law, was)
-        state = self._newton_from(sought, du, 0) if has_gaps else None
-        return state or self._newton_from(sought, du, HALVINGS)
+        has_gaps, problem = bool((self.pairs.N0 < 0.0).any()), _Problem(loading, fraction, law or self.law, before)
+        state = self._newton_from(problem, du, 0) if has_gaps else None
+        return state or self._newton_from(problem, du, HALVINGS)
 
-    def _newton_from(self, sought: _Sought, du: np.ndarray, halvings: int) -> State | None:
+    def _newton_from(self, problem: _Problem, du: np.ndarray, halvings: int) -> State | None:
         """Return Newton's state from ``du`` with at most ``halvings`` halvings of a step; None if it fails.  Collective."""
-        largest = max(sought.loading.largest, float(np.abs(du).max(initial=0.0)))
+        largest = max(problem.loading.largest, float(np.abs(du).max(initial=0.0)))
         for _ in range(MOST_ITERATIONS):
-            trial = sought.at(du)
+            trial = problem.at(du)
             if 3 * np.count_nonzero(trial.active) > LARGEST:
                 raise ResourceError(
                     f"[statics]: {counted(np.count_nonzero(trial.active), 'contact pair')} open or slip at rest; up to "
-                    f"{LARGEST // 3} are "
-                    "solved for: a coarser mesh of the contact surfaces, or stiffer contact, has fewer"
+                    f"{LARGEST // 3} are possible; use a coarser mesh of the contact surfaces or a stiffer contact"
                 )
             self.G.require(trial.active)
             size = max(largest, float(np.abs(du).max(initial=0.0)))
-            improved, error = self._iterate(sought, trial, halvings)
+            improved, error = self._iterate(problem, trial, halvings)
             self.iterations += 1
             if size > FARTHEST * largest:
                 return None
@@ -354,20 +353,20 @@ class Contact:
             du = improved
         return None
 
-    def _iterate(self, sought: _Sought, trial: _Trial, halvings: int) -> tuple[np.ndarray | None, float]:
+    def _iterate(self, problem: _Problem, trial: _Trial, halvings: int) -> tuple[np.ndarray | None, float]:
         """Return du after a Newton step, None if the step fails, and the residual before it [m].  Collective."""
-        residual = self._residual(sought, trial.state.du, trial.state.p, trial.active)
+        residual = self._residual(problem, trial.state.du, trial.state.p, trial.active)
         error = float(np.abs(residual).max(initial=0.0))
-        step = self._newton(sought.loading, residual, trial)
+        step = self._newton(problem.loading, residual, trial)
         if step is None:
             return None, error
         best, best_error = trial.state.du + step, np.inf
         for k in range(halvings + 1):
             du = trial.state.du + 0.5**k * step
-            p = sought.law.step(du, sought.was.after)[0][:, :3]
+            p = problem.law.step(du, problem.before.after)[0][:, :3]
             moving = p.any(axis=1)
             if not (moving & ~self.G.known).any():
-                du_error = float(np.abs(self._residual(sought, du, p, moving)).max(initial=0.0))
+                du_error = float(np.abs(self._residual(problem, du, p, moving)).max(initial=0.0))
                 if du_error < best_error:
                     best, best_error = du, du_error
                 if du_error < error:
@@ -385,8 +384,8 @@ class Contact:
             du = du + (RU @ (compliance @ (RU[rows_of(pairs)].T @ p[active].ravel()))).reshape(du.shape)
         return du
 
-    def _residual(self, sought: _Sought, du: np.ndarray, p: np.ndarray, active: np.ndarray) -> np.ndarray:
-        return du - sought.load + self._flexibility(sought.loading, p, active)
+    def _residual(self, problem: _Problem, du: np.ndarray, p: np.ndarray, active: np.ndarray) -> np.ndarray:
+        return du - problem.load + self._flexibility(problem.loading, p, active)
 
     def _newton(self, loading: Loading, residual: np.ndarray, trial: _Trial) -> np.ndarray | None:
         """Return the Newton step, (n_pairs, 3) [m]; None if the system is singular.  Collective."""
@@ -416,7 +415,7 @@ class Contact:
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0
         joints = [
             f"{np.count_nonzero(is_open[of_joint])} of {counted(len(of_joint), 'pair')} of {name!r}"
-            for name, of_joint in _by_joint(pairs)
+            for name, of_joint in pairs.by_joint().items()
         ]
         reached = "the very beginning" if fraction < 5e-4 else f"{fraction:.1%}"
         return f"[statics]: no equilibrium beyond {reached} of {loading.name}, where {', '.join(joints)} are open: {free}"
@@ -426,8 +425,3 @@ def _solved(J: np.ndarray, right: np.ndarray) -> np.ndarray | None:
     """Return x with J x = right, None if J is singular; J is overwritten.  Local."""
     factors, order, info = lapack.dgetrf(J.T, overwrite_a=True)  # the transpose has the order of LAPACK: no copy
     return lapack.dgetrs(factors, order, right, trans=1)[0] if info == 0 else None
-
-
-def _by_joint(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:
-    names = np.array(pairs.joint)
-    return [(name, np.flatnonzero(names == name)) for name in dict.fromkeys(pairs.joint)]

@@ -26,8 +26,8 @@ class About:
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
-    """An equilibrium problem with large displacements."""
+class LargeProblem:
+    """An equilibrium problem with large displacements, for :func:`large_equilibrium`."""
 
     system: System
     # arguments: this rank's rows of a displacement, fraction of the load, whether the stress is in equilibrium
@@ -38,7 +38,7 @@ class Sought:
     where: str  # the scene file, for messages
 
 
-def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
+def large_equilibrium(problem: LargeProblem) -> tuple[Rest, About, int]:
     """Return the rest under all loads, the structure linearised about it, and the number of Newton steps.
 
     Collective.  docs/theory.md, eq. (12.14).  Load steps without solution are halved.
@@ -48,30 +48,30 @@ def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
     ConvergenceError : no equilibrium, for example beyond the buckling load; on every rank
     ResourceError : not enough memory for a factor
     """
-    u, rest = np.zeros(len(sought.forces_owned)), None
+    u, rest = np.zeros(len(problem.forces_owned)), None
     fraction, step, n_taken = 0.0, 1.0, 0
     while fraction < 1.0:
-        aim = min(fraction + step, 1.0)
+        next_fraction = min(fraction + step, 1.0)
         try:
-            attempt, n_more = _under(sought, u, aim)
-        except (CaseError, ConvergenceError) as problem:
+            attempt, n_more = _under(problem, u, next_fraction)
+        except (CaseError, ConvergenceError) as failure:
             step *= 0.5
             if step < SHORTEST:
                 reached = f"{fraction:.1%} of the load" if fraction > 0.0 else "the very beginning of the load"
                 raise ConvergenceError(
-                    f"{sought.where}: [statics] large_displacements: no equilibrium beyond {reached}: {problem}"
-                ) from problem
+                    f"{problem.where}: [statics] large_displacements: no equilibrium beyond {reached}: {failure}"
+                ) from failure
             continue
-        rest, u, fraction, n_taken, step = attempt, attempt.u_owned, aim, n_taken + n_more, min(2.0 * step, 1.0)
-    assert rest is not None, "at least one share"
-    return rest, sought.about(u, 1.0, True), n_taken
+        rest, u, fraction, n_taken, step = attempt, attempt.u_owned, next_fraction, n_taken + n_more, min(2.0 * step, 1.0)
+    assert rest is not None, "at least one step"
+    return rest, problem.about(u, 1.0, True), n_taken
 
 
-def _under(sought: Sought, u: np.ndarray, fraction: float) -> tuple[Rest, int]:
+def _under(problem: LargeProblem, u: np.ndarray, fraction: float) -> tuple[Rest, int]:
     """Return the rest under a fraction of the load, from a displacement (n_dof_owned,), and the number of steps.  Collective."""
-    comm = sought.system.comm
+    comm = problem.system.comm
     for k in range(1, MOST_STEPS + 1):
-        rest = _step(sought, u, fraction, k > 1)
+        rest = _step(problem, u, fraction, k > 1)
         change, size = (comm.allreduce(np.abs(local).max(initial=0.0), MPI.MAX) for local in (rest.u_owned - u, rest.u_owned))
         u = rest.u_owned
         if k > 1 and change <= CLOSE * size:
@@ -79,15 +79,15 @@ def _under(sought: Sought, u: np.ndarray, fraction: float) -> tuple[Rest, int]:
     raise ConvergenceError(f"{MOST_STEPS} steps of Newton's method, and the last changed u by {change:.1e} m of {size:.1e} m")
 
 
-def _step(sought: Sought, u: np.ndarray, fraction: float, is_stressed: bool) -> Rest:
+def _step(problem: LargeProblem, u: np.ndarray, fraction: float, is_stressed: bool) -> Rest:
     """Return the rest of the structure linearised about a displacement.  Collective; frees its factor."""
-    about = sought.about(u, fraction, is_stressed)
+    about = problem.about(u, fraction, is_stressed)
     try:
         G = Flexibility.of(about.system, about.pairs)
         try:
-            loads = fraction * sought.forces_owned + about.forces_owned
-            return equilibrium(G, about.pairs, loads, sought.n_steps, free_bodies=sought.free_bodies)
+            loads = fraction * problem.forces_owned + about.forces_owned
+            return equilibrium(G, about.pairs, loads, problem.n_steps, free_bodies=problem.free_bodies)
         finally:
             G.destroy()
     finally:
-        about.system.destroy(sought.system)
+        about.system.destroy(problem.system)

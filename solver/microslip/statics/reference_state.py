@@ -28,9 +28,9 @@ from .balance import Balance, balance_of
 from .bolts import BoltsAtRest, Cuts
 from .contact_check import check_contact
 from .equilibrium import Flexibility, Rest, equilibrium, stuck_forces
-from .large_displacements import About, Sought, large_equilibrium
+from .large_displacements import About, LargeProblem, large_equilibrium
 from .loaded import Loaded
-from .rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
+from .rest import at_approximate_pressure, at_rest, in_words, starts_unpressed, with_area_ratio
 from .rigid_bodies import freely_moved_bodies
 
 _BALANCED = 1e-6  # of the sum of all forces and of their moments: smaller imbalances are rounding
@@ -75,11 +75,11 @@ class ReferenceState:
         forces, bolts = constant_forces(shares, mesh, settings, system), pretension(shares, mesh, settings, system)
         check_unsupported(system, settings, forces, where)
         reference = cls(system, shares, mesh, pairs, settings, forces, bolts, where)
-        if not touches_from_none(pairs).any():
+        if not starts_unpressed(pairs).any():
             return reference
         N = stuck_forces(reference.flexibility, pairs, forces, reference.cuts)
         reference.close()
-        return replace(reference, pairs=referred_to(pairs, N))
+        return replace(reference, pairs=at_approximate_pressure(pairs, N))
 
     @cached_property
     def flexibility(self) -> Flexibility:
@@ -138,8 +138,8 @@ def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | No
     free = partial(freely_moved_bodies, loaded)
     messages: list[str] = []
     if statics.large_displacements:
-        sought = Sought(system, partial(_about, reference, pairs), forces, statics.steps, free, where)
-        rest, about, n_steps = large_equilibrium(sought)
+        large_problem = LargeProblem(system, partial(_about, reference, pairs), forces, statics.steps, free, where)
+        rest, about, n_steps = large_equilibrium(large_problem)
         about_rest, pairs = about.system, about.pairs
         loaded = replace(loaded, pairs=pairs)
         messages = _messages_of_large(reference, pairs, rest, n_steps)
@@ -174,7 +174,7 @@ def _about(reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, 
     if not pairs.n_pairs:
         return About(about, forces, pairs)
     ratio, _ = _stretched(reference, pairs, u_owned, fraction)
-    return About(about, forces, of_larger_area(pairs, ratio))
+    return About(about, forces, with_area_ratio(pairs, ratio))
 
 
 def _stretched(
@@ -216,9 +216,9 @@ def _motions_above_cuts(reference: ReferenceState, rest: Rest) -> Seen | None:
 
 def _is_same(known: System, u_owned: np.ndarray) -> bool:
     """Return whether a displacement at rest equals the displacement of a known rest.  Collective."""
-    was = known.rest_owned
-    assert was is not None, "a structure at rest"
-    sizes = np.array([np.abs(u_owned - was).max(initial=0.0), np.abs(was).max(initial=0.0)])
+    before = known.rest_owned
+    assert before is not None, "a structure at rest"
+    sizes = np.array([np.abs(u_owned - before).max(initial=0.0), np.abs(before).max(initial=0.0)])
     known.comm.Allreduce(sizes.copy(), sizes, op=MAX)
     return bool(sizes[0] <= SAME * sizes[1])
 

@@ -42,7 +42,7 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     return replace(pairs, N0=N0, k_t=k_t, k_n=k_n, w0=w0, T0=T0, open_at_rest=open_at_rest, law_columns=law_columns)
 
 
-def of_larger_area(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
+def with_area_ratio(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
     """Return pairs whose areas are ``ratio`` (n_pairs,) times as large, in a deformed shape.  Local.
 
     Springs, preloads and gaps of elastic-Coulomb friction scale with the area; other laws do not change.
@@ -51,21 +51,20 @@ def of_larger_area(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
     return replace(pairs, area=pairs.area * ratio, k_t=pairs.k_t * ratio, k_n=pairs.k_n * ratio, N0=pairs.N0 * ratio)
 
 
-def touches_from_none(pairs: ContactPairs) -> np.ndarray:
+def starts_unpressed(pairs: ContactPairs) -> np.ndarray:
     """Return which pairs follow a power of the approach starting from zero pressure, (n_pairs,) bool.  Local."""
     reference = pairs.law_columns.get("reference", np.full(pairs.n_pairs, np.nan))
     return (reference > 0.0) & (pairs.N0 <= 0.0)
 
 
-def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
+def at_approximate_pressure(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
     """Return pairs of the same law, with springs and asperities for the approximate pressure of forces N (n_pairs,) [N].
 
     Local.  docs/theory.md, section 12: only pairs that start from zero pressure, at the largest pressure of each joint.
     """
     k_t, k_n, reference = pairs.k_t.copy(), pairs.k_n.copy(), pairs.law_columns["reference"].copy()
-    joint, touches = np.array(pairs.joint), touches_from_none(pairs)
-    for name in dict.fromkeys(joint[touches]):
-        of_joint = touches & (joint == name)
+    touches = starts_unpressed(pairs)
+    for of_joint in (numbers[touches[numbers]] for numbers in pairs.by_joint().values() if touches[numbers].any()):
         level = (N[of_joint] / reference[of_joint]).max()
         if level > 0.0:
             stiffer = level ** (1.0 - 1.0 / pairs.law_columns["exponent"][of_joint])
@@ -87,10 +86,9 @@ def in_words(pairs: ContactPairs, rest: Rest, balance: Balance, modulus: float |
 
 def _of_joints(pairs: ContactPairs, rest: Rest, modulus: float | None) -> list[str]:
     """Return a line for each joint: closed pairs, slid pairs, forces; a warning of a pressure that no metal bears."""
-    names, limit = np.array(pairs.joint), friction_limit(pairs.laws, pairs.columns, rest.N)
+    limit = friction_limit(pairs.laws, pairs.columns, rest.N)
     lines = [f"rest found in {counted(rest.steps, 'load step')}, {rest.iterations} Newton iterations"]
-    for name in dict.fromkeys(pairs.joint):
-        of_joint = names == name
+    for name, of_joint in pairs.by_joint().items():
         N, T = rest.N[of_joint], np.hypot(*rest.force[of_joint, :2].T)
         closed = (N > 0.0) | np.isnan(pairs.N0[of_joint])
         slid = closed & (T >= (1.0 - 1e-9) * limit[of_joint])
@@ -100,7 +98,7 @@ def _of_joints(pairs: ContactPairs, rest: Rest, modulus: float | None) -> list[s
         share = pressure.max() / modulus if modulus else 0.0
         warning = f"; WARNING: {100.0 * share:.2g} % of Young's modulus; check loads, units and overlap" if share > _MUCH else ""
         lines.append(
-            f"  {name}: {closed.sum()} of {counted(of_joint.sum(), 'pair')} closed, {slid.sum()} slid to their limit; "
+            f"  {name}: {closed.sum()} of {counted(len(of_joint), 'pair')} closed, {slid.sum()} slid to their limit; "
             f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "
             f"gap up to {gap.max():.3g} m{warning}"
         )

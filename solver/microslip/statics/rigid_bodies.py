@@ -8,6 +8,7 @@ from ..assembly.system import System
 from ..contact.laws import friction_limit
 from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs
+from ..messages.words import place
 from ..parallel.agree import on_root
 from .loaded import Loaded
 
@@ -209,14 +210,10 @@ def _in_words(name: str, q: np.ndarray, middle: np.ndarray) -> str:
     along, about = np.linalg.norm(shift), np.linalg.norm(turn)
     motion = f"along {_direction(shift)}" if along >= 0.5 * about else ""
     if about > 0.5 * along:
-        motion += (" and turns" if motion else "turns") + f" about {_direction(turn)} through {_point(middle)} m"
+        motion += (" and turns" if motion else "turns") + f" about {_direction(turn)} through {place(middle)} m"
     return f"{name} moves {motion}" if motion.startswith("along") else f"{name} {motion}"
 
 
 def _direction(vector: np.ndarray) -> str:
     unit = np.round(vector / np.linalg.norm(vector), 2) + 0.0
     return "(" + ", ".join(f"{value:g}" for value in unit) + ")"
-
-
-def _point(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"

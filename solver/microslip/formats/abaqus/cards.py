@@ -151,8 +151,8 @@ def _continued(text: bytes, start: int, end: int) -> int:
 
 
 def _card(text: bytes, label: str, line: int) -> Card:
-    line_ = text.decode("utf-8", "replace").strip()[1:].replace("\n", " ")
-    words = _outside_of_quotes(line_) if '"' in line_ else line_.split(",")
+    content = text.decode("utf-8", "replace").strip()[1:].replace("\n", " ")
+    words = _outside_of_quotes(content) if '"' in content else content.split(",")
     pairs = (word.partition("=") for word in words[1:] if word.strip())
     parameters = {"".join(key.upper().split()): _bare(value) for key, _, value in pairs}
     return Card(" ".join(words[0].upper().split()), parameters, label, line)

@@ -238,7 +238,7 @@ def _take_distributing_coupling(model: InputModel, scope: Scope, card: Card) -> 
         return
     of_lines = [model.mesh.nodes(scope, words[0], where) for words, where in lines]
     stated = [_weight(words, where) for words, where in lines]
-    nodes, weights = np.concatenate(of_lines), np.repeat(stated, [len(some) for some in of_lines])
+    nodes, weights = np.concatenate(of_lines), np.repeat(stated, [len(of_line) for of_line in of_lines])
     group = f"coupled to node {model.mesh.numbers[at[0]]}"
     _find_lever(model, int(at[0]), np.unique(nodes), card)
     before = model.points.get(int(at[0]))

@@ -73,7 +73,7 @@ def _interactions(model: InputModel) -> dict[str, _Interaction]:
         elif card.keyword == "SURFACE BEHAVIOR" and name in interactions:
             interactions[name] = _with_normal_behaviour(interactions[name], card)
         elif card.keyword == "FRICTION" and name in interactions:
-            interactions[name] = _rubbing(interactions[name], card)
+            interactions[name] = _with_friction(interactions[name], card)
     for card in (card for step in model.steps_until for _, card in step.cards):
         changed = interactions.get(card.parameter("INTERACTION")) if card.keyword == "CHANGE FRICTION" else None
         if changed is not None:
@@ -114,7 +114,7 @@ def _with_normal_behaviour(interaction: _Interaction, card: Card) -> _Interactio
     return replace(_lacking(interaction, normal_stiffness=f"{card.where}: {why}"), is_glued=law == "TIED")
 
 
-def _rubbing(interaction: _Interaction, card: Card) -> _Interaction:
+def _with_friction(interaction: _Interaction, card: Card) -> _Interaction:
     """Return an interaction with the coefficient and the stick slope of a *FRICTION."""
     lines = list(card.lines())
     special = [name for name in card.parameters if name not in _NUMERICAL]
@@ -157,11 +157,13 @@ def _take_pair(model: InputModel, scope: Scope, card: Card, words: list[str], wh
         )
     )
     friction = f", friction {interaction.has['friction']:g}" if "friction" in interaction.has else ""
-    rest = "a joint that [statics] presses, of the file or the scene; without it state a joint between them, with its preload"
+    replacement = (
+        "a joint that [statics] presses, of the file or the scene; without it state a joint between them, with its preload"
+    )
     if lacks:
         keys = listed([f"{key} ({why})" for key, why in lacks.items()])
-        rest = f"a joint of the scene between them replaces it and has to state {keys}"
-    effect = f"{surfaces[0]} and {surfaces[1]} in contact{friction}: {rest}"
+        replacement = f"a joint of the scene between them replaces it and has to state {keys}"
+    effect = f"{surfaces[0]} and {surfaces[1]} in contact{friction}: {replacement}"
     finding = Finding(
         word="*CONTACT PAIR", where=where, effect=effect, changes=True, surfaces=surfaces, is_glued=interaction.is_glued
     )

@@ -21,14 +21,14 @@ def take_discrete(model: InputModel) -> None:
     ------
     MeshError : properties that are not numbers, or elements that do not exist
     """
-    done = np.zeros(len(model.grouped.block_of), dtype=bool)
+    has_card = np.zeros(len(model.grouped.block_of), dtype=bool)
     for scope, card in model.cards:
         if card.keyword in _TAKEN:
             elements = model.mesh.elements(scope, card.parameter("ELSET"), card.where)
-            done[elements] = True
+            has_card[elements] = True
             _TAKEN[card.keyword](model, scope, card, elements)
     for first, block, nodes in model.mesh.blocks:
-        n = np.count_nonzero(~done[first : first + len(nodes)])
+        n = np.count_nonzero(~has_card[first : first + len(nodes)])
         if n and (block.word in OF_DISCRETE):
             effect = f"{counted(n, 'element')} without *{OF_DISCRETE[block.word]}: their properties are missing"
             part = "masses" if block.word in ("MASS", "ROTARYI") else "springs"

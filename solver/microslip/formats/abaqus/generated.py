@@ -23,7 +23,7 @@ def _refuse(card: Card, *names: str) -> None:
     for name in names:
         if name in card.parameters:
             what = "nodes" if card.keyword[0] == "N" else "elements"
-            raise MeshError(f"{card.where}: *{card.keyword}, {name} is not followed here; write the {what} out")
+            raise MeshError(f"{card.where}: *{card.keyword}, {name} is not supported; write the {what} out")
 
 
 def _rows(card: Card, n_least: int, n_words: int = 0) -> Iterator[tuple[list[str], list[float], str]]:
@@ -36,12 +36,12 @@ def _rows(card: Card, n_least: int, n_words: int = 0) -> Iterator[tuple[list[str
         yield words[:n_words], [value for value in values if value is not None], where
 
 
-def _whole(values: list[float], i: int, default: int) -> int:
+def _entry(values: list[float], i: int, default: int) -> int:
     """Return an entry of a line; the default for an empty entry."""
     return int(values[i]) if i < len(values) and not math.isnan(values[i]) else default
 
 
-class _Known:
+class _NodesSoFar:
     """The nodes that one scope has so far."""
 
     def __init__(self, names: Names):
@@ -69,13 +69,13 @@ def _take_lines(mesh: FileMesh, names: Names, card: Card) -> None:
     """Take *NGEN: nodes along a line or an arc between two others."""
     shape = card.parameter("LINE")
     if shape not in ("", "C"):
-        raise MeshError(f"{card.where}: *NGEN, LINE={shape} is not followed here; write the nodes out")
+        raise MeshError(f"{card.where}: *NGEN, LINE={shape} is not supported; write the nodes out")
     if shape == "C" and card.parameter("SYSTEM", "RC") != "RC":
-        raise MeshError(f"{card.where}: *NGEN, SYSTEM={card.parameter('SYSTEM')} is not followed here; write the nodes out")
-    known = _Known(names)
+        raise MeshError(f"{card.where}: *NGEN, SYSTEM={card.parameter('SYSTEM')} is not supported; write the nodes out")
+    known = _NodesSoFar(names)
     numbers, points = [], []
     for _, values, where in _rows(card, 2):
-        first, last, step = int(values[0]), int(values[1]), _whole(values, 2, 1)
+        first, last, step = int(values[0]), int(values[1]), _entry(values, 2, 1)
         n = abs(last - first) // step if step > 0 else 0
         if n < 1 or abs(last - first) != n * step or n > _MOST:
             raise MeshError(f"{where}: *NGEN: from node {first} to {last} there are no whole steps of {step}")
@@ -86,19 +86,19 @@ def _take_lines(mesh: FileMesh, names: Names, card: Card) -> None:
     _add_nodes(mesh, names, card, numbers, points, "NSET")
 
 
-def _arc(names: Names, known: _Known, ends: np.ndarray, s: np.ndarray, values: list[float], where: str) -> np.ndarray:
+def _arc(names: Names, known: _NodesSoFar, ends: np.ndarray, s: np.ndarray, values: list[float], where: str) -> np.ndarray:
     """Return points at fractions ``s`` (n, 1) of the angle between two ends, about the centre in ``values``."""
-    if _whole(values, 3, 0):
-        centre = known.at(np.array([_whole(values, 3, 0)]), where)[0]
+    if _entry(values, 3, 0):
+        centre = known.at(np.array([_entry(values, 3, 0)]), where)[0]
     elif len(values) >= 5 and not names.scope.name and (names.system[0] == np.eye(3)).all() and not names.system[1].any():
         centre = np.nan_to_num(np.array([*values[4:7], 0.0, 0.0, 0.0][:3]))
     else:
         raise MeshError(f"{where}: *NGEN, LINE=C: the centre must be a node, or in the axes of the model; write the nodes out")
     a, b = ends - centre
     normal = np.cross(a, b)
-    is_plain = np.linalg.norm(normal) > _HALF_TURN * np.linalg.norm(a) * np.linalg.norm(b)
-    if len(values) > 7 or not is_plain or not a.any():
-        raise MeshError(f"{where}: *NGEN, LINE=C: an arc of half a turn or more is not followed here; write the nodes out")
+    spans_plane = np.linalg.norm(normal) > _HALF_TURN * np.linalg.norm(a) * np.linalg.norm(b)
+    if len(values) > 7 or not spans_plane or not a.any():
+        raise MeshError(f"{where}: *NGEN, LINE=C: an arc of half a turn or more is not supported; write the nodes out")
     normal /= np.linalg.norm(normal)
     angle = math.atan2(np.cross(a, b) @ normal, a @ b)
     radius = np.linalg.norm(a) + s * (np.linalg.norm(b) - np.linalg.norm(a))
@@ -109,11 +109,11 @@ def _arc(names: Names, known: _Known, ends: np.ndarray, s: np.ndarray, values: l
 def _take_fill(mesh: FileMesh, names: Names, card: Card) -> None:
     """Take *NFILL: nodes on straight lines between corresponding nodes of two sets."""
     _refuse(card, "BIAS", "SINGULAR", "TWOSTEP")
-    known = _Known(names)
+    known = _NodesSoFar(names)
     numbers, points = [], []
     for words, values, where in _rows(card, 3, 2):
         bounds = [_members(names, "NSET", word, where) for word in words]
-        n, step = _whole(values, 0, 1), _whole(values, 1, 1)
+        n, step = _entry(values, 0, 1), _entry(values, 1, 1)
         if len(bounds[0]) != len(bounds[1]) or n < 1 or step < 1 or n * len(bounds[0]) > _MOST:
             raise MeshError(
                 f"{where}: *NFILL: {words[0]} has {counted(len(bounds[0]), 'node')} and {words[1]} {len(bounds[1])}, to "
@@ -131,11 +131,11 @@ def _take_copies(mesh: FileMesh, names: Names, card: Card) -> None:
     """Take *NCOPY, SHIFT: nodes moved, then turned about an axis."""
     _refuse(card, "REFLECT", "POLE", "MULTIPLE")
     if names.scope.name:
-        raise MeshError(f"{card.where}: *NCOPY in a part that has instances is not followed here; write the nodes out")
+        raise MeshError(f"{card.where}: *NCOPY in a part that has instances is not supported; write the nodes out")
     rows = [values for _, values, _ in _rows(card, 1)]
     values = np.nan_to_num(np.array([*(rows[0] if rows else []), 0.0, 0.0, 0.0][:3]))
     old = _members(names, "NSET", card.parameter("OLDSET"), card.where)
-    points = _Known(names).at(old, card.where) + values
+    points = _NodesSoFar(names).at(old, card.where) + values
     if len(rows) > 1:
         axis = np.nan_to_num(np.array([*rows[1], *[0.0] * 7][:7]))
         turn = rotation_about(axis[3:6] - axis[:3], np.deg2rad(axis[6]), card.where)
@@ -150,16 +150,16 @@ def _take_rows(mesh: FileMesh, names: Names, card: Card) -> None:
     """Take *ELGEN: rows and layers of copies of one element."""
     made = [NO_NODES]
     for _, values, where in _rows(card, 2):
-        of = [_whole(values, i, 1) for i in range(10)]
-        counts, steps = (of[1], of[4], of[7]), [(of[i], of[i + 1]) for i in (2, 5, 8)]
+        entries = [_entry(values, i, 1) for i in range(10)]
+        counts, steps = (entries[1], entries[4], entries[7]), [(entries[i], entries[i + 1]) for i in (2, 5, 8)]
         if len(values) > 10 or min(counts) < 1 or math.prod(counts) > _MOST:
             raise MeshError(f"{where}: *ELGEN: rows of {counts} elements; expected one or more in each direction")
         i, j, k = (axis.ravel() for axis in np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"))
         nodes, elements = (i * steps[0][m] + j * steps[1][m] + k * steps[2][m] for m in (0, 1))
-        master, row = _element(names, of[0], where)
-        new = replace(master, numbers=of[0] + elements[1:], nodes=row + nodes[1:, None] * (row > 0), where=where)
+        master, row = _element(names, entries[0], where)
+        new = replace(master, numbers=entries[0] + elements[1:], nodes=row + nodes[1:, None] * (row > 0), where=where)
         names.blocks.append(new)
-        made += [np.array([of[0]]), new.numbers]
+        made += [np.array([entries[0]]), new.numbers]
     if card.parameters.get("ELSET"):
         add_to_set(mesh, names, "ELSET", card.parameters["ELSET"], ("numbers", np.concatenate(made), card.where))
 
@@ -207,7 +207,7 @@ def _members(names: Names, kind: str, word: str, where: str, depth: int = 0) -> 
         elif how == "numbers" and isinstance(what, (range, np.ndarray)):
             parts.append(np.asarray(what, dtype=np.int64))
         else:
-            raise MeshError(f"{where}: *{kind} {word!r} is made of other sets in a way that is not followed here")
+            raise MeshError(f"{where}: *{kind} {word!r} is made of other sets in a way that is not supported")
     every = np.concatenate(parts)
     return every if word in names.unsorted else np.unique(every)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...messages.errors import MeshError
 from ..draft import face_of
-from ..model import KINDS, NO_NODES, Cells, Group
+from ..model import KINDS, NO_NODES, Cells, Group, family_of
 from .mesh import FileMesh
 from .names import Names
 from .types import is_solid
@@ -48,22 +48,22 @@ class Grouped:
     def node_group(self, name: str, nodes: np.ndarray) -> str:
         """Return the name of a group of exactly these nodes: ``name`` if that group has them, otherwise a new group."""
         nodes = np.unique(nodes)
-        tried, n = name, 1
-        while tried in self.groups and not np.array_equal(self.nodes_of(tried), nodes):
+        candidate, n = name, 1
+        while candidate in self.groups and not np.array_equal(self.nodes_of(candidate), nodes):
             n += 1
-            tried = f"{name} (nodes)" if n == 2 else f"{name} (nodes {n - 1})"
-        self.groups.setdefault(tried, Group()).add_nodes(nodes)
-        return tried
+            candidate = f"{name} (nodes)" if n == 2 else f"{name} (nodes {n - 1})"
+        self.groups.setdefault(candidate, Group()).add_nodes(nodes)
+        return candidate
 
     def body_group(self, name: str, elements: np.ndarray) -> str:
         """Return the name of a group of exactly these solid elements: ``name`` or a new group."""
-        tried, n = name, 1
-        while tried in self.groups and not np.array_equal(self._solids_of(tried), np.sort(elements)):
+        candidate, n = name, 1
+        while candidate in self.groups and not np.array_equal(self._solids_of(candidate), np.sort(elements)):
             n += 1
-            tried = f"{name} {n}"
-        if tried not in self.groups:
-            self.add_elements(tried, elements)
-        return tried
+            candidate = f"{name} {n}"
+        if candidate not in self.groups:
+            self.add_elements(candidate, elements)
+        return candidate
 
     def _solids_of(self, name: str) -> np.ndarray:
         parts = [NO_NODES]
@@ -89,7 +89,7 @@ class Grouped:
     def add_face(self, name: str, block: int, rows: np.ndarray, face: int) -> None:
         """Add face S1, S2, ... of some cells to a group, as separate cells."""
         cells = self.cells[block]
-        made = face_of(cells.kind, _FACES[cells.kind.rstrip("0123456789")][face - 1])
+        made = face_of(cells.kind, _FACES[family_of(cells.kind)][face - 1])
         if made is None:
             return
         self.cells.append(Cells(made[0], cells.nodes[rows][:, made[1]], cells.numbers[rows]))
@@ -97,16 +97,16 @@ class Grouped:
 
     def free_name(self, name: str) -> str:
         """Return an unused name of a group: ``name`` or a name derived from it."""
-        tried, n = name, 1
-        while tried in self.groups:
+        candidate, n = name, 1
+        while candidate in self.groups:
             n += 1
-            tried = f"{name} ({n})"
-        return tried
+            candidate = f"{name} ({n})"
+        return candidate
 
     def add_faces_between(self, name: str, is_in: np.ndarray) -> None:
         """Add the outer faces of solids with all nodes in ``is_in`` (n_nodes,) bool to a group."""
-        for block, cells in enumerate(self.cells[: len(self.cells)]):
-            for i, corners in enumerate(_FACES.get(cells.kind.rstrip("0123456789"), ())):
+        for block, cells in enumerate(list(self.cells)):  # faces are added to the list
+            for i, corners in enumerate(_FACES.get(family_of(cells.kind), ())):
                 made = face_of(cells.kind, corners)
                 is_inside = is_in[cells.nodes[:, made[1]]].all(axis=1) if made is not None else np.zeros(0, dtype=bool)
                 rows = np.flatnonzero(is_inside & self.outer_faces(block)[:, i]) if is_inside.any() else NO_NODES
@@ -124,13 +124,13 @@ def grouped(mesh: FileMesh) -> Grouped:
     MeshError : sets of entries that do not exist, faces that elements do not have
     """
     content = _with_cells(mesh)
-    aliased = [names for names in mesh.names.values() if names.scope.name]
+    instances = [names for names in mesh.names.values() if names.scope.name]
     for names in mesh.names.values():
-        prefixes = [names.scope.named("")] + [""] * (len(aliased) == 1 and bool(names.scope.name))
+        prefixes = [names.scope.named("")] + [""] * (len(instances) == 1 and bool(names.scope.name))
         for prefix in prefixes:
             _group_sets(content, names, prefix)
     for names in mesh.names.values():
-        prefixes = [names.scope.named("")] + [""] * (len(aliased) == 1 and bool(names.scope.name))
+        prefixes = [names.scope.named("")] + [""] * (len(instances) == 1 and bool(names.scope.name))
         for name, entries in names.surfaces.items():
             for prefix in prefixes:
                 _group_surface(content, names, prefix + mesh.spelled(name), entries)
@@ -191,7 +191,7 @@ def add_faces(content: Grouped, name: str, elements: np.ndarray, face: str, wher
     number = re.fullmatch(r"S(\d)", face)
     for block in np.unique(blocks[blocks >= 0]):
         rows, cells = content.row_of[elements[blocks == block]], content.cells[block]
-        family = cells.kind.rstrip("0123456789")
+        family = family_of(cells.kind)
         if KINDS[cells.kind][0] == 2 and face in ("", "SPOS", "SNEG"):
             content.groups.setdefault(name, Group()).add_cells(int(block), rows)
         elif family in _FACES and number:
@@ -207,7 +207,7 @@ def add_faces(content: Grouped, name: str, elements: np.ndarray, face: str, wher
 
 def _outer_faces(cells: list[Cells]) -> dict[int, np.ndarray]:
     """Return, for each block of solids, which faces belong to only one solid, (n, n_faces) bool."""
-    solids = {i: block.kind.rstrip("0123456789") for i, block in enumerate(cells)}
+    solids = {i: family_of(block.kind) for i, block in enumerate(cells)}
     solids = {i: family for i, family in solids.items() if family in _FACES}
     keys = []
     for i, family in solids.items():

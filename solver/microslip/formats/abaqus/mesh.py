@@ -240,20 +240,20 @@ def finish(mesh: FileMesh) -> None:
     ------
     MeshError : repeated numbers, or nodes that do not exist
     """
-    every = sorted(mesh.names.values(), key=lambda names: names.scope.name == "")  # the assembly last
-    for names in every:
+    scopes = sorted(mesh.names.values(), key=lambda names: names.scope.name == "")  # the assembly last
+    for names in scopes:
         names.node_numbers = _joined(part[0] for part in names.given_nodes)
         names.element_numbers = _joined(block.numbers for block in names.blocks)
         _refuse_twice([(numbers, where) for numbers, _, where in names.given_nodes], "NODE", "node")
         _refuse_twice([(block.numbers, block.where) for block in names.blocks], "ELEMENT", "element")
         names.blocks = _merged(names.blocks)
         names.node_places, names.element_places = Places(names.node_numbers), Places(names.element_numbers)
-    mesh.points = np.concatenate([np.zeros((0, 3)), *(points for names in every for _, points, _ in names.given_nodes)])
-    mesh.numbers, raised_nodes = _unique_numbers([names.node_numbers for names in every])
-    mesh.element_numbers, raised_elements = _unique_numbers([names.element_numbers for names in every])
+    mesh.points = np.concatenate([np.zeros((0, 3)), *(points for names in scopes for _, points, _ in names.given_nodes)])
+    mesh.numbers, raised_nodes = _unique_numbers([names.node_numbers for names in scopes])
+    mesh.element_numbers, raised_elements = _unique_numbers([names.element_numbers for names in scopes])
     mesh.offsets = raised_nodes, raised_elements
     n_nodes = n_elements = 0
-    for names in every:
+    for names in scopes:
         names.first_node, names.first_element = n_nodes, n_elements
         n_nodes += len(names.node_numbers)
         for block in names.blocks:

@@ -44,10 +44,10 @@ def read_inp(path: str, step: int | None = None) -> FileModel:
     for i, card in enumerate(cards):
         cards[i] = card = _in_full(card)
         if card.keyword in REFUSED:
-            raise MeshError(f"{card.where}: the keyword *{card.keyword} is not followed here; {REFUSED[card.keyword]}")
-    played, _ = in_scopes(cards)
+            raise MeshError(f"{card.where}: the keyword *{card.keyword} is not supported; {REFUSED[card.keyword]}")
+    scoped_cards = in_scopes(cards)
     mesh = FileMesh()
-    for scope, card in played:
+    for scope, card in scoped_cards:
         names = mesh.of(scope)
         if card.keyword in _MESH_CARDS:
             _MESH_CARDS[card.keyword](mesh, names, card)
@@ -57,7 +57,7 @@ def read_inp(path: str, step: int | None = None) -> FileModel:
     if not any(names.blocks for names in every) or not any(names.given_nodes for names in every):
         raise MeshError("the file holds no *NODE and *ELEMENT blocks that this program reads")
     finish(mesh)
-    before, steps = _steps(played)
+    before, steps = _steps(scoped_cards)
     model = InputModel(mesh, grouped(mesh), before, steps, Findings(), chosen_step(steps, step), step is not None)
     take_materials(model)
     take_sections(model)
@@ -80,12 +80,12 @@ def _in_full(card: Card) -> Card:
     return replace(card, parameters=in_full(card)[0])
 
 
-def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], list[Step]]:
+def _steps(scoped_cards: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], list[Step]]:
     """Return the cards of the model and those of each step."""
     before: list[tuple[Scope, Card]] = []
     steps: list[Step] = []
     is_inside = False
-    for scope, card in played:
+    for scope, card in scoped_cards:
         if card.keyword == "STEP":
             if is_inside:
                 raise MeshError(f"{card.where}: *STEP within another; *END STEP is missing before it")

@@ -28,8 +28,8 @@ class Scope:
         return f"{self.name}.{name}" if self.name else name
 
 
-def in_scopes(cards: list[Card]) -> tuple[list[tuple[Scope, Card]], Scope]:
-    """Return every card with its scope, cards of a part once per instance, and the scope of the model.
+def in_scopes(cards: list[Card]) -> list[tuple[Scope, Card]]:
+    """Return every card with its scope, cards of a part once per instance.
 
     Without instances a single part is the model itself.
 
@@ -44,8 +44,8 @@ def in_scopes(cards: list[Card]) -> tuple[list[tuple[Scope, Card]], Scope]:
             first = next(iter(parts.values()))[0]
             raise MeshError(f"{first.where}: {len(parts)} parts and no *INSTANCE of any part: there is nothing to read")
         of_parts = [card for part in parts.values() for card in part[1:]]
-        return [(model, card) for card in of_parts + rest], model
-    return list(_played(parts, rest, model)), model
+        return [(model, card) for card in of_parts + rest]
+    return list(_in_instances(parts, rest, model))
 
 
 def _parts(cards: list[Card]) -> tuple[dict[str, list[Card]], list[Card]]:
@@ -71,7 +71,13 @@ def _parts(cards: list[Card]) -> tuple[dict[str, list[Card]], list[Card]]:
     return parts, rest
 
 
-def _played(parts: dict[str, list[Card]], rest: list[Card], model: Scope) -> Iterator[tuple[Scope, Card]]:
+def _in_instances(parts: dict[str, list[Card]], rest: list[Card], model: Scope) -> Iterator[tuple[Scope, Card]]:
+    """Yield the cards of a model with instances: those of a part in the place of each of its instances.
+
+    Raises
+    ------
+    MeshError : an instance without a name, repeated, within another, of an unknown part, or without end
+    """
     scope, names = model, set()
     for card in rest:
         if card.keyword == "INSTANCE":

@@ -60,6 +60,7 @@ class _Acting:
                     self.spin = None
 
     def put(self, table: dict, key: Hashable, value: float) -> None:
+        """Add a load to one of the tables of this object."""
         is_stated = (id(table), key) in self._stated
         table[key] = table[key] + value if is_stated else value
         self._stated.add((id(table), key))
@@ -84,14 +85,14 @@ def take_statics(model: InputModel) -> None:
         take_temperatures(model, None if _are_heated(after) else {}, "")
         return
     if is_about and any(card.keyword == "BOUNDARY" for _, card in vibration.cards):
-        _refuse(model, "*BOUNDARY", vibration.cards[0][1].where, "the supports change between the loads and the vibration")
+        _add_finding(model, "*BOUNDARY", vibration.cards[0][1].where, "the supports change between the loads and the vibration")
     _find_nonlinear(model, loaded, acting)
     is_large = any(map(_is_large, loaded)) and not _why_not_large(model, acting)
     word = _word(model)
     model.statics = replace(_composed(model, acting, loaded[-1], word), large=LARGE if is_large else "")
     take_temperatures(model, None if _are_heated(after) else acting.temperatures, acting.heated)
     effect = f"vibration about the loads of step {loaded[-1].number}: take them over, or state them in [statics]"
-    _refuse(model, word, vibration.cards[0][1].where, effect)
+    _add_finding(model, word, vibration.cards[0][1].where, effect)
 
 
 def _word(model: InputModel) -> str:
@@ -103,7 +104,8 @@ def _are_heated(steps: list[Step]) -> bool:
     return any(card.keyword == "TEMPERATURE" for step in steps for _, card in step.cards)
 
 
-def _refuse(model: InputModel, word: str, where: str, effect: str) -> None:
+def _add_finding(model: InputModel, word: str, where: str, effect: str) -> None:
+    """Add a finding that the statics of the scene resolve."""
     model.findings.add(word, where, effect, True, "statics")
 
 
@@ -113,10 +115,10 @@ def _find_nonlinear(model: InputModel, loaded: list[Step], acting: _Acting) -> N
     for step in loaded:
         if _is_large(step):
             effect = f"large displacements under the loads; [statics] has small ones with {why}" if why else "large displacements"
-            _refuse(model, LARGE, step.cards[0][1].where, effect)
+            _add_finding(model, LARGE, step.cards[0][1].where, effect)
     for _, card in model.cards:
         if card.keyword == "PLASTIC":
-            _refuse(model, "*PLASTIC", card.where, "the loads may exceed yield; [statics] is elastic")
+            _add_finding(model, "*PLASTIC", card.where, "the loads may exceed yield; [statics] is elastic")
 
 
 def _is_large(step: Step) -> bool:
@@ -135,7 +137,7 @@ def _take_step(model: InputModel, step: Step, acting: _Acting) -> None:
     """Add the loads of one step to ``acting``."""
     head = step.cards[0][1]
     if not any(card.keyword == "STATIC" for _, card in step.cards):
-        _refuse(model, _word(model), head.where, f"vibration about the loads of step {step.number}, which is not *STATIC")
+        _add_finding(model, _word(model), head.where, f"vibration about the loads of step {step.number}, which is not *STATIC")
         return
     acting.begin(step)
     for scope, card in step.cards:
@@ -144,7 +146,7 @@ def _take_step(model: InputModel, step: Step, acting: _Acting) -> None:
         if card.keyword in _TAKEN:
             _take_card(model, scope, card, acting)
         elif card.keyword in _OTHERS:
-            _refuse(model, f"*{card.keyword}", card.where, f"{_OTHERS[card.keyword]} load the structure before it vibrates")
+            _add_finding(model, f"*{card.keyword}", card.where, f"{_OTHERS[card.keyword]} load the structure before it vibrates")
         elif card.keyword == "BOUNDARY":
             _take_moved(model, scope, card, acting)
 
@@ -162,7 +164,7 @@ def _take_moved(model: InputModel, scope: Scope, card: Card, acting: _Acting) ->
         if value and (bad or card.parameter("TYPE", "DISPLACEMENT") != "DISPLACEMENT" or not _are_plain(model, nodes, dofs)):
             why = f", {bad[0]}" if bad else ""
             effect = f"a displacement other than 0 ({words[0]}{why}) loads the structure before it vibrates"
-            _refuse(model, "*BOUNDARY", where, effect)
+            _add_finding(model, "*BOUNDARY", where, effect)
             return
         acting.moved.update({(node, dof): value for node in nodes.tolist() for dof in dofs})
 
@@ -175,7 +177,7 @@ def _are_plain(model: InputModel, nodes: np.ndarray, dofs: set[int]) -> bool:
 def _take_card(model: InputModel, scope: Scope, card: Card, acting: _Acting) -> None:
     for name in card.parameters:
         if name != "OP":
-            _refuse(model, f"*{card.keyword}, {name}", card.where, "a load that is not constant")
+            _add_finding(model, f"*{card.keyword}, {name}", card.where, "a load that is not constant")
             return
     if card.keyword == "TEMPERATURE":
         acting.temperatures.update(temperatures_of(model, scope, card))
@@ -207,7 +209,7 @@ def _take_force(model: InputModel, scope: Scope, words: list[str], where: str, a
     takes_force = model.grouped.of_solids[nodes] | np.isin(nodes, list(model.points))
     if direction not in (1.0, 2.0, 3.0) or not takes_force.all():
         what = "a moment" if direction in (4.0, 5.0, 6.0) else "a force in another direction than 1 to 3"
-        _refuse(model, "*CLOAD", where, f"{what if takes_force.all() else 'a force on a node of no solid'} ({words[0]})")
+        _add_finding(model, "*CLOAD", where, f"{what if takes_force.all() else 'a force on a node of no solid'} ({words[0]})")
         return
     for node in nodes.tolist():
         acting.put(acting.forces, (node, int(direction)), value)
@@ -225,7 +227,7 @@ def _take_distributed(model: InputModel, scope: Scope, words: list[str], where: 
         for element in elements.tolist():
             acting.put(acting.faces, (element, _FACES.index(label) + 1), value)
     else:
-        _refuse(model, f"*DLOAD, {label}", where, f"a load {label} that [statics] does not have")
+        _add_finding(model, f"*DLOAD, {label}", where, f"a load {label} that [statics] does not have")
 
 
 def _take_rotation(model: InputModel, elements: np.ndarray, words: list[str], where: str, acting: _Acting) -> None:
@@ -234,10 +236,12 @@ def _take_rotation(model: InputModel, elements: np.ndarray, words: list[str], wh
     is_turned[elements] = True
     solids = [is_turned[first : first + len(nodes)] for first, block, nodes in model.mesh.blocks if is_solid(block.word)]
     if not all(turned.all() for turned in solids) or spin[0] < 0.0 or not any(spin[4:]):
-        _refuse(model, "*DLOAD, CENTRIF", where, f"a rotation of {words[0]} alone, or about no axis; [statics] turns everything")
+        _add_finding(
+            model, "*DLOAD, CENTRIF", where, f"a rotation of {words[0]} alone, or about no axis; [statics] turns everything"
+        )
         return
     if acting.spin not in (None, spin):
-        _refuse(model, "*DLOAD, CENTRIF", where, "a second rotation")
+        _add_finding(model, "*DLOAD, CENTRIF", where, "a second rotation")
     acting.spin = spin
 
 
@@ -245,7 +249,7 @@ def _take_pressure(model: InputModel, scope: Scope, words: list[str], where: str
     name = model.mesh.name_of(scope, words[0])
     label = words[1].upper() if len(words) > 1 else ""
     if label != "P" or not model.grouped.has_faces(name):
-        _refuse(model, f"*DSLOAD, {label}", where, f"a load {label} on {words[0]} that [statics] does not have")
+        _add_finding(model, f"*DSLOAD, {label}", where, f"a load {label} on {words[0]} that [statics] does not have")
         return
     (value,) = _values(words, 2, 1, where, "DSLOAD")
     acting.put(acting.surfaces, name, value)

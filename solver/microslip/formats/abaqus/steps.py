@@ -24,8 +24,8 @@ def chosen_step(steps: list[Step], wanted: int | None) -> Step | None:
     if wanted is None:
         return next((step for step in steps if step.is_frequency), steps[0] if steps else None)
     if not 1 <= wanted <= len(steps):
-        there = "; ".join(f"{step.number}: {_procedure(step)}" for step in steps)
-        known = f"{counted(len(steps), 'step')}, {there}" if steps else "no steps"
+        listed_steps = "; ".join(f"{step.number}: {_procedure(step)}" for step in steps)
+        known = f"{counted(len(steps), 'step')}, {listed_steps}" if steps else "no steps"
         raise MeshError(f"[model] step = {wanted}: the file has {known}")
     return steps[wanted - 1]
 

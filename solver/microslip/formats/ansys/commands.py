@@ -21,7 +21,7 @@ class Command:
     fields: tuple[str, ...]
     line: int  # from 1; 0 for a file without lines
     block: tuple[str, ...] = ()  # lines of a block of types, without its format
-    behind: int = 0  # byte of the file at which the next line begins
+    end: int = 0  # byte of the file at which the next line begins
 
     @property
     def is_archived(self) -> bool:
@@ -74,8 +74,8 @@ def commands(path: str) -> Iterator[Command]:
                 yield from _supports(lines)
             elif word:
                 block = word if word in _BLOCKS else ""
-                behind = lines.at
-                yield Command(word, tuple(fields), number, lines.block() if word == "ETBLOCK" else (), behind)
+                end = lines.at
+                yield Command(word, tuple(fields), number, lines.block() if word == "ETBLOCK" else (), end)
 
 
 def _supports(lines: _Lines) -> Iterator[Command]:
@@ -87,9 +87,9 @@ def _supports(lines: _Lines) -> Iterator[Command]:
         yield Command("D", (line[:9].strip(), line[9:15].strip(), line[15:31].strip()), lines.number)
 
 
-def numbers_behind(content: bytes, command: Command) -> bytes:
+def numbers_after(content: bytes, command: Command) -> bytes:
     """Return the lines of numbers of a block, after its format.  Local."""
-    start = content.find(b"\n", command.behind) + 1 or len(content)
+    start = content.find(b"\n", command.end) + 1 or len(content)
     other = _NO_NUMBER.search(content, start)
     end = len(content) if other is None else content.rfind(b"\n", start, other.start()) + 1
     return content[start : max(end, start)].strip()

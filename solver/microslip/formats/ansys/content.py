@@ -28,7 +28,7 @@ _HARMLESS = set(
 _YIELDS = set("PLAS BISO BKIN MISO MKIN KINH NLIS CHAB CREE RATE HILL".split())  # first letters of TB
 _OF_TABLE = ("TBDA", "TBTE", "TBPT", "TBFI", "TBIN", "TBLI")  # commands about the table of the TB before them
 _LOADS = set("F SF SFE BF BFE FBLOCK SFBLOCK SFEBLOCK BFBLOCK BFEBLOCK ACEL OMEGA DOMEGA CGOMEGA DCGOMG CMACEL CMOMEGA".split())
-_OF_ALL = set("ACEL OMEGA DOMEGA CGOMEGA DCGOMG".split())  # which CDWRITE writes in any case, then with zeros
+_OF_STRUCTURE = set("ACEL OMEGA DOMEGA CGOMEGA DCGOMG".split())  # of the structure; CDWRITE writes them in any case
 _ZERO = re.compile(r"(?:[+-]?0*\.?0+\.?(?:[ED][+-]?\d+)?)?", re.IGNORECASE)
 _EFFECTS = {
     "EALIVE": "activated elements (birth)",
@@ -78,16 +78,16 @@ def take_commands(content: Content, commands_read: Iterable[Command], components
     """Take the commands of a file.  Local."""
     content.selected = content.numbers
     content.constraints.findings = content.findings
-    last_real, rubs = 0, 0
+    last_real, friction_material = 0, 0
     for command in commands_read:
         word = command.word
         if word == "TB":
-            rubs = int(command.number(1)) if _is_friction(command) else 0
-            if not rubs:
+            friction_material = int(command.number(1)) if _is_friction(command) else 0
+            if not friction_material:
                 _pass_over_table(content, command)
         elif word.startswith(_OF_TABLE):
-            if rubs and word.startswith("TBDA") and command.number(0) == 1:
-                _take_friction(content, rubs, command, command.number(1))
+            if friction_material and word.startswith("TBDA") and command.number(0) == 1:
+                _take_friction(content, friction_material, command, command.number(1))
         elif word == "ET":
             content.types[int(command.number(0))] = int("".join(c for c in command.field(1) if c.isdigit()) or 0)
             _take_keys(content, command, command.fields[2:8])
@@ -225,7 +225,7 @@ def _pass_over(content: Content, command: Command) -> None:
     if word == "EBLOCK" and command.field(1).upper() != "SOLID":
         effect = "a block in the format of elements that are not solids, which is not read"
         content.findings.add(word, command.where, effect)
-    elif word in _OF_ALL and all(map(_ZERO.fullmatch, command.fields)):
+    elif word in _OF_STRUCTURE and all(map(_ZERO.fullmatch, command.fields)):
         return
     elif word in _LOADS:
         content.loads[word] = content.loads.get(word, 0) + 1

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...messages.errors import MeshError
 from .blocks import FIELDS, Blocks
-from .commands import Command, numbers_behind
+from .commands import Command, numbers_after
 
 _BLANK = re.compile(rb"\n[ \t\r]*(?=\n)")
 _FIRST_LINE = 8  # nodes of an element on its first line of 19 fields
@@ -25,11 +25,11 @@ def check_counts(path: str, commands_read: tuple[Command, ...], blocks: Blocks) 
     n_lines = 0  # lines of elements in all blocks
     for command in commands_read:
         if command.word == "CMBLOCK":
-            _check_component(command, numbers_behind(content, command))
+            _check_component(command, numbers_after(content, command))
         elif command.word == "NBLOCK":
-            _check(command, _n_lines(numbers_behind(content, command)), "nodes")
+            _check(command, _n_lines(numbers_after(content, command)), "nodes")
         elif command.word == "EBLOCK" and _is_solid(command):
-            block = numbers_behind(content, command)
+            block = numbers_after(content, command)
             if not block.endswith(b"-1"):
                 raise MeshError(f"{command.where}: the EBLOCK ends without -1; the file is truncated or damaged")
             n_lines += _n_lines(block)

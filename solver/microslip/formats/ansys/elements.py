@@ -194,8 +194,8 @@ def _by_axes(
 def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, members: np.ndarray, width: int) -> np.ndarray:
     """Return the nodes of some elements, (n, width), padded with 0."""
     at = start[members][:, None] + FIELDS + np.arange(width)
-    is_there = np.arange(width) < n_nodes[members][:, None]
-    return np.where(is_there, flat[np.minimum(at, len(flat) - 1)], 0)
+    exists = np.arange(width) < n_nodes[members][:, None]
+    return np.where(exists, flat[np.minimum(at, len(flat) - 1)], 0)
 
 
 def _add_cells(groups: dict[str, Group], name: str, cells: list[Cells], made: list[Cells]) -> None:
@@ -207,7 +207,7 @@ def _add_cells(groups: dict[str, Group], name: str, cells: list[Cells], made: li
 def _report_type(content: Content, of_types: list[int], type_number: int, why: str | None, n: int) -> None:
     """Report elements that are not solids here; ``of_types``: the numbers of their ETs."""
     if type_number in (14, 21):
-        return  # springs and masses: _attached
+        return  # springs and masses: attached.py
     effect, changes = EFFECTS.get(type_number, (_UNKNOWN, True))
     if why is not None:
         effect, changes = f"{why}, {_MISSING}", True

@@ -57,7 +57,7 @@ def _parts(path: str) -> Contents:
         int(number): {i: int(value) for i, value in enumerate(values, 1) if value}
         for number, values in result._element_table["keyopts"].items()  # missing in the library's mesh
     }
-    return replace(blocks, keys=keys), [*_materials(result.materials), *_contents(result)]
+    return replace(blocks, keys=keys), [*_materials(result.materials), *_supports(result)]
 
 
 def _materials(materials: Mapping[int, Mapping[str, Any]]) -> list[tuple[str, ...]]:
@@ -69,7 +69,7 @@ def _materials(materials: Mapping[int, Mapping[str, Any]]) -> list[tuple[str, ..
     ]
 
 
-def _contents(result: Any) -> list[tuple[str, ...]]:
+def _supports(result: Any) -> list[tuple[str, ...]]:
     """Return the supports of the first result, if any, as D commands."""
     try:
         nodes, dofs, values = result.nodal_boundary_conditions(0)

@@ -67,9 +67,9 @@ def tetrahedra(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> l
 def _by_order(shape: _Shape, rows: np.ndarray, is_linear: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
     """Return the cells of one shape, with none and with all mid-side nodes."""
     cells = []
-    for mine, nodes in ((is_linear, shape.corners), (~is_linear, shape.corners + shape.middles)):
-        if mine.any():
-            cells.append(_cells(f"{shape.family}{len(nodes)}", rows[mine][:, nodes], elements[mine], numbers))
+    for has_nodes, nodes in ((is_linear, shape.corners), (~is_linear, shape.corners + shape.middles)):
+        if has_nodes.any():
+            cells.append(_cells(f"{shape.family}{len(nodes)}", rows[has_nodes][:, nodes], elements[has_nodes], numbers))
     return cells
 
 

@@ -9,7 +9,7 @@ from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
 from .text import square_of, table_of
 
 _FIXED = 1e36  # diagonal entry of a DOF held by *BOUNDARY
-_OWN_NAME = re.compile(r"_(STIF|MASS|DMPV|DMPS|X\d+)\d+\.mtx$", re.IGNORECASE)
+_ABAQUS_NAME = re.compile(r"_(STIF|MASS|DMPV|DMPS|X\d+)\d+\.mtx$", re.IGNORECASE)
 
 
 def is_abaqus(wanted: Wanted, head: bytes) -> bool:
@@ -18,7 +18,7 @@ def is_abaqus(wanted: Wanted, head: bytes) -> bool:
         return False
     lines = [line for line in head.splitlines() if line.strip()]
     is_labelled = bool(lines) and len(lines[0].replace(b",", b" ").split()) == 5
-    return is_labelled or head.lstrip().startswith(b"*") or _OWN_NAME.search(wanted.path.name) is not None
+    return is_labelled or head.lstrip().startswith(b"*") or _ABAQUS_NAME.search(wanted.path.name) is not None
 
 
 def read_abaqus(wanted: Wanted) -> FileMatrix:

@@ -30,21 +30,21 @@ def read_dmig(wanted: Wanted) -> FileMatrix:
     except MeshError as problem:
         raise wanted.error(str(problem)) from None
     name = wanted.choose(list(matrices))
-    matrix = matrices[name]
-    if matrix.is_complex:
+    dmig = matrices[name]
+    if dmig.is_complex:
         raise wanted.error(f"{name} is complex; microslip takes real matrices")
-    if matrix.matrix_form not in (1, 2, 6, 9):
-        raise wanted.error(f"{name} is of the form {matrix.matrix_form}; 1, 2, 6 and 9 are known")
-    row_keys, column_keys = (_keys(places, wanted) for places in (matrix.GCi, matrix.GCj))
-    values = np.asarray(matrix.Real, dtype=float)
-    if matrix.matrix_form in (1, 6):
+    if dmig.matrix_form not in (1, 2, 6, 9):
+        raise wanted.error(f"{name} is of the form {dmig.matrix_form}; 1, 2, 6 and 9 are known")
+    row_keys, column_keys = (_keys(places, wanted) for places in (dmig.GCi, dmig.GCj))
+    values = np.asarray(dmig.Real, dtype=float)
+    if dmig.matrix_form in (1, 6):
         keys, at = np.unique(np.concatenate([row_keys, column_keys]), return_inverse=True)
         rows, columns, n_columns = at[: len(values)], at[len(values) :], len(keys)
     else:
         (keys, rows), (column_places, columns) = (np.unique(places, return_inverse=True) for places in (row_keys, column_keys))
         n_columns = len(column_places)
-    entries_ = from_coordinates(rows, columns, values, (len(keys), n_columns), wanted)
-    return FileMatrix(entries_, DofMap(keys // 8, keys % 8), is_triangle=matrix.matrix_form == 6)
+    matrix = from_coordinates(rows, columns, values, (len(keys), n_columns), wanted)
+    return FileMatrix(matrix, DofMap(keys // 8, keys % 8), is_triangle=dmig.matrix_form == 6)
 
 
 def _keys(places: np.ndarray, wanted: Wanted) -> np.ndarray:

@@ -33,8 +33,8 @@ class Records:
 
     def content(self, at: tuple[int, int], most: int | None = None) -> bytes:
         """Return the content of a record, or its first ``most`` bytes, without moving to the next record."""
-        here = self.file.tell()
+        position = self.file.tell()
         self.file.seek(at[0])
         data = self.file.read(at[1] if most is None else min(most, at[1]))
-        self.file.seek(here)
+        self.file.seek(position)
         return data

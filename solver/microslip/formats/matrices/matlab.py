@@ -16,7 +16,7 @@ from ..hdf5 import COPIES, MOST_GAIN, Storage
 from .file_matrix import FileMatrix, Wanted, checked
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_OWN = ("#refs#", "#subsystem#")
+_INTERNAL = ("#refs#", "#subsystem#")
 
 _NUMBERS = ("sparse", "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "logical")
 
@@ -76,7 +76,7 @@ def read_hdf5(wanted: Wanted) -> FileMatrix:
     except ImportError:
         raise wanted.error("a .mat of version 7.3 needs h5py; save it with -v7, or install h5py") from None
     with h5py.File(wanted.path, "r", locking=False) as file:
-        name = wanted.choose([name for name in file if name not in _OWN])
+        name = wanted.choose([name for name in file if name not in _INTERNAL])
         item = _inside(file, name, wanted)
         if "MATLAB_object_decode" in item.attrs:
             raise wanted.error(f"its variable {name} is an object; a matrix of numbers is needed")

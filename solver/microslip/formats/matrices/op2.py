@@ -93,10 +93,10 @@ class _Walk(Records):
         is_column = self.marker() == 1
         block.is_matrix |= is_column
         while True:
-            here = self.file.tell()
+            position = self.file.tell()
             marker = self.marker()
             if marker <= 0:
-                self.file.seek(here)
+                self.file.seek(position)
                 return
             at = self.record()
             if is_column:

@@ -132,10 +132,8 @@ class _Binary:
 
     def strings(self, row: int, at: tuple[int, int], head: _Head) -> Iterator[tuple[int, np.ndarray]]:
         """Yield first row and numbers of each string of a column."""
-        number, words = (
-            np.dtype(f"{self.order}f{4 * _WORDS[head.kind]}"),
-            np.frombuffer(self.records.content(at), f"{self.order}i4", offset=12),
-        )
+        number = np.dtype(f"{self.order}f{4 * _WORDS[head.kind]}")
+        words = np.frombuffer(self.records.content(at), f"{self.order}i4", offset=12)
         if row > 0:
             yield row, np.frombuffer(words, number).astype(float)
             return

@@ -8,6 +8,7 @@ from .file_matrix import FileMatrix, Wanted
 
 _MATRIX = 1211216  # first number of a matrix file
 _DENSE = -1
+_OBJECTS = set(range(1211214, 1211224))  # first numbers of the objects in a file: vectors, matrices, index sets, ...
 
 
 def is_petsc(head: bytes) -> bool:
@@ -27,12 +28,12 @@ def read_petsc(wanted: Wanted) -> FileMatrix:
     start = 4 * index.itemsize
     if n == _DENSE:
         wanted.check_entries(n_rows * n_columns, 8.0)
-        _check_length(wanted, start + 8 * n_rows * n_columns)
+        _check_length(data, start, n_rows * n_columns, wanted)
         return FileMatrix(_part(data, start, n_rows * n_columns, np.dtype(">f8")).astype(float).reshape(n_rows, n_columns))
     wanted.check_entries(n, index.itemsize + 8.0)
     wanted.check_entries(n_rows, index.itemsize)
     wanted.check_rows(n_columns)
-    _check_length(wanted, start + index.itemsize * (n_rows + n) + 8 * n)
+    _check_length(data, start + index.itemsize * (n_rows + n), n, wanted)
     counts = _part(data, start, n_rows, index).astype(np.int64)
     columns = _part(data, start + index.itemsize * n_rows, n, index).astype(np.int64)
     values = _part(data, start + index.itemsize * (n_rows + n), n, np.dtype(">f8")).astype(float)
@@ -45,7 +46,14 @@ def _part(data: np.ndarray, start: int, n: int, kind: np.dtype) -> np.ndarray:
     return data[start : start + n * kind.itemsize].view(kind)
 
 
-def _check_length(wanted: Wanted, needed: int) -> None:
-    """Raise CaseError if a file is too short for its content, or much too long: complex numbers need twice the size."""
-    if wanted.size < needed:
-        raise wanted.error(f"it is truncated: {needed} bytes are needed, and it has {wanted.size}")
+def _check_length(data: np.ndarray, start: int, n: int, wanted: Wanted) -> None:
+    """Raise CaseError if a file is too short for ``n`` numbers from byte ``start`` on, or has the length of complex ones.
+
+    A file of that length is taken as real if another object of PETSc follows the numbers.
+    """
+    end = start + 8 * n
+    if wanted.size < end:
+        raise wanted.error(f"it is truncated: {end} bytes are needed, and it has {wanted.size}")
+    following = bytes(data[end : end + 8])
+    if n and wanted.size == end + 8 * n and not _OBJECTS & {int.from_bytes(following[:size], "big") for size in (4, 8)}:
+        raise wanted.error("its numbers are complex; microslip takes real matrices")

@@ -18,7 +18,7 @@ _CARD = re.compile(rb"(GRID|CTETRA|CPENTA|CHEXA|CPYRAM)(\*?) *")
 _FREE_CARD = re.compile(rb"^(GRID|CTETRA|CPENTA|CHEXA|CPYRAM) *,([^\n$]*)((?:\n[+ ]?,[^\n$]*)*)$", re.MULTILINE)
 _PER_LINE, _NARROW, _WIDE = 8, 8, 16  # fields of a line after the name, and their widths
 # with one of these words, grid points have defaults, or the file has further models
-_OTHERWISE = (b"GRDSET", b"CORD1", b"SUPER")
+_WITH_DEFAULTS = (b"GRDSET", b"CORD1", b"SUPER")
 _AT_A_TIME = 100_000  # cards per block
 
 
@@ -59,7 +59,7 @@ def none_plain(text: bytes) -> Plain:
 def take_plain(text: bytes) -> Plain:
     """Return the plain cards of bulk data.  Local."""
     upper = text.upper()
-    if any(word in upper for word in _OTHERWISE):
+    if any(word in upper for word in _WITH_DEFAULTS):
         return none_plain(text)
     original, text = text, in_fixed_fields(text)
     upper = text.upper() if text is not original else upper

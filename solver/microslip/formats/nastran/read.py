@@ -289,13 +289,13 @@ def _kind(element: Any) -> str | None:
 def _take_sets(content: Content) -> None:
     """Make groups of the sets of grid points in the case control and in bulk data."""
     deck = content.cards.case_control_deck
-    there = set(content.numbers.tolist())
+    known_numbers = set(content.numbers.tolist())
     sets = {f"SET1 {number}": getattr(card, "ids", ()) for number, card in content.cards.sets.items()}
     for subcase in deck.subcases.values() if deck is not None else ():
         stated = {name: value for name, (value, *_) in subcase.params.items() if name.startswith("SET ")}
         sets |= {name: value for name, value in stated.items() if isinstance(value, list)}
     for name, members in sets.items():
-        nodes = [number for number in members if isinstance(number, int) and number in there]
+        nodes = [number for number in members if isinstance(number, int) and number in known_numbers]
         if nodes:
             content.group(name, content.find(nodes, name))
 

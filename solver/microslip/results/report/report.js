@@ -1,5 +1,5 @@
 "use strict";
-// The page's own part: places figures, colours maps, moves the structure.  Data come from the element "data"; nothing is loaded.
+// The script of the page: places figures, colours maps, moves the structure.  Data come from the element "data"; nothing is loaded.
 (function () {
   const data = JSON.parse(document.getElementById("data").textContent);
   const at = (id) => document.getElementById(id);
@@ -34,10 +34,10 @@
   function startMaps() {
     const level = at("map-level"), quantity = at("map-quantity"), cells = document.querySelectorAll(".surface [data-pair]");
     if (!level) return;
-    data.maps.levels.forEach((one, i) => level.add(new Option(one.name, i)));
-    data.maps.quantities.forEach((one, i) => quantity.add(new Option(one.heading + (one.unit ? " [" + one.unit + "]" : ""), i)));
+    data.maps.levels.forEach((entry, i) => level.add(new Option(entry.name, i)));
+    data.maps.quantities.forEach((entry, i) => quantity.add(new Option(entry.heading + (entry.unit ? " [" + entry.unit + "]" : ""), i)));
     level.selectedIndex = data.maps.levels.length - 1;
-    const largest = data.maps.quantities.map((one) => one.values.flat().reduce((a, b) => Math.max(a, b), 0));
+    const largest = data.maps.quantities.map((entry) => entry.values.flat().reduce((a, b) => Math.max(a, b), 0));
     function paint() {
       const chosen = data.maps.quantities[quantity.selectedIndex], most = largest[quantity.selectedIndex];
       const values = chosen.values[level.selectedIndex];
@@ -51,11 +51,11 @@
         const pair = event.target.dataset.pair;
         tip.hidden = pair === undefined;
         if (tip.hidden) return;
-        const says = data.maps.quantities.map((one) => {
-          const value = one.values[level.selectedIndex][pair];
-          return one.heading + ": " + (one.is_state ? data.maps.states[value] : value + " " + one.unit);
+        const lines = data.maps.quantities.map((entry) => {
+          const value = entry.values[level.selectedIndex][pair];
+          return entry.heading + ": " + (entry.is_state ? data.maps.states[value] : value + " " + entry.unit);
         });
-        tip.textContent = data.maps.labels[pair] + "\n" + says.join("\n");
+        tip.textContent = data.maps.labels[pair] + "\n" + lines.join("\n");
         tip.style.left = Math.max(4, Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8)) + "px";
         tip.style.top = Math.max(4, Math.min(event.clientY + 14, innerHeight - tip.offsetHeight - 8)) + "px";
       };
@@ -95,9 +95,9 @@
   }
 
   function split(points) {
-    const n = points.length / 3, found = [0, 1, 2].map(() => new Float32Array(n));
-    for (let i = 0; i < n; i++) for (let k = 0; k < 3; k++) found[k][i] = points[3 * i + k];
-    return found;
+    const n = points.length / 3, xyz = [0, 1, 2].map(() => new Float32Array(n));
+    for (let i = 0; i < n; i++) for (let k = 0; k < 3; k++) xyz[k][i] = points[3 * i + k];
+    return xyz;
   }
 
   function pick(xyz, nodes) {
@@ -105,9 +105,9 @@
   }
 
   function corners(triangles) {
-    const n = triangles.length / 3, found = [0, 1, 2].map(() => new Int32Array(n));
-    for (let i = 0; i < n; i++) for (let k = 0; k < 3; k++) found[k][i] = triangles[3 * i + k];
-    return { i: found[0], j: found[1], k: found[2] };
+    const n = triangles.length / 3, columns = [0, 1, 2].map(() => new Int32Array(n));
+    for (let i = 0; i < n; i++) for (let k = 0; k < 3; k++) columns[k][i] = triangles[3 * i + k];
+    return { i: columns[0], j: columns[1], k: columns[2] };
   }
 
   // The places xyz moved by a motion (n_coefficients, 3, n) at an angle of the period.
@@ -115,12 +115,12 @@
     const n = xyz[0].length;
     const at_angle = motion.orders.map((order, k) => (motion.sine[k] ? Math.sin(order * angle) : Math.cos(order * angle)));
     return xyz.map((values, axis) => {
-      const found = Float32Array.from(values);
+      const result = Float32Array.from(values);
       at_angle.forEach((share, k) => {
         const factor = times * motion.scale * share, start = (3 * k + axis) * n;
-        if (factor !== 0) for (let i = 0; i < n; i++) found[i] += factor * u[start + i];
+        if (factor !== 0) for (let i = 0; i < n; i++) result[i] += factor * u[start + i];
       });
-      return found;
+      return result;
     });
   }
 
@@ -181,30 +181,30 @@
 
   function startMotion(view, xyz, bodies, joint) {
     const div = at("view"), choice = at("shown"), play = at("play"), spin = at("spin"), clear = at("clear"), alone = at("alone"), slider = at("scale");
-    for (const [i, one] of view.shown.entries()) {
-      one.all = unpacked(one.u, "i2");
-      one.reach = reach(xyz, one, one.all) || 1;
-      one.sizes = unpacked(one.size, "f4");
-      choice.add(new Option(one.name, i));
+    for (const [i, entry] of view.shown.entries()) {
+      entry.all = unpacked(entry.u, "i2");
+      entry.reach = reach(xyz, entry, entry.all) || 1;
+      entry.sizes = unpacked(entry.size, "f4");
+      choice.add(new Option(entry.name, i));
     }
-    const peaks = view.shown.filter((one) => one.kind === "level").length;
+    const peaks = view.shown.filter((entry) => entry.kind === "level").length;
     choice.selectedIndex = Math.max(0, peaks - 1);
     const margin = 0.1 * view.diagonal, n = bodies.length;
     let running = !matchMedia("(prefers-reduced-motion: reduce)").matches, angle = 0.25 * Math.PI, turn = -1.0, last = 0, busy = false;
-    const one = () => view.shown[choice.selectedIndex];
-    const times = () => (0.08 * view.diagonal / one().reach) * 10 ** Number(slider.value);
+    const current = () => view.shown[choice.selectedIndex];
+    const times = () => (0.08 * view.diagonal / current().reach) * 10 ** Number(slider.value);
 
     function places() {
-      const shown = one(), own = bodies.map((body) => pick(moved(xyz, shown, shown.all, angle, times()), body.nodes));
-      if (joint) own.push(shown.kind === "level" && joint.motions[shown.number] ? moved(joint.xyz, joint.motions[shown.number], joint.motions[shown.number].all, angle, times()) : joint.xyz);
-      return own;
+      const shown = current(), positions = bodies.map((body) => pick(moved(xyz, shown, shown.all, angle, times()), body.nodes));
+      if (joint) positions.push(shown.kind === "level" && joint.motions[shown.number] ? moved(joint.xyz, joint.motions[shown.number], joint.motions[shown.number].all, angle, times()) : joint.xyz);
+      return positions;
     }
 
-    function looks() {
-      const shown = one(), own = places();
+    function traces3d() {
+      const shown = current(), positions = places();
       const heading = { level: "amplitude", mode: "shape", rest: "displacement" }[shown.kind];
       const traces = bodies.map((body, b) => ({
-        type: "mesh3d", x: own[b][0], y: own[b][1], z: own[b][2], ...body.corners, lighting: light, flatshading: false,
+        type: "mesh3d", x: positions[b][0], y: positions[b][1], z: positions[b][2], ...body.corners, lighting: light, flatshading: false,
         intensity: Float32Array.from(body.nodes, (node) => shown.sizes[node]), cmin: 0, cmax: shown.most || 1, colorscale: "Viridis",
         opacity: clear.checked && joint ? 0.42 : 1, name: body.name, showlegend: true, showscale: b === 0, visible: alone.checked ? "legendonly" : true,
         colorbar: { thickness: 12, len: 0.6, x: 1, xanchor: "right", title: { text: heading + (shown.unit ? " [" + shown.unit + "]" : ""), side: "right" } },
@@ -215,7 +215,7 @@
         const states = data.maps.quantities[0];
         const colours = Array.from(joint.pair, (pair) => (index < 0 ? "#d0d4db" : states.colours[states.values[index][pair]]));
         traces.push({
-          type: "mesh3d", x: own[n][0], y: own[n][1], z: own[n][2], ...joint.corners, facecolor: colours, flatshading: true,
+          type: "mesh3d", x: positions[n][0], y: positions[n][1], z: positions[n][2], ...joint.corners, facecolor: colours, flatshading: true,
           lighting: { ...light, ambient: 0.8 }, name: "joint", hoverinfo: "skip", showlegend: false,
         });
         if (index >= 0) data.maps.states.forEach((name, k) => traces.push({
@@ -226,12 +226,12 @@
 
     const range = ranges(xyz, margin), near = joint ? ranges(joint.xyz, 0.01 * view.diagonal) : range;
     alone.disabled = !joint;
-    const drawn = () => { at("times").textContent = one().kind === "mode" ? "" : "× " + Number(times().toPrecision(2)); };
+    const drawn = () => { at("times").textContent = current().kind === "mode" ? "" : "× " + Number(times().toPrecision(2)); };
     function redraw() {
       drawn();
       const before = div.layout ? div.layout.scene.camera : null, layout = layout3d(div, alone.checked ? near : range, eye(turn), alone.checked ? 1.6 : 2.3);
       if (before) layout.scene.camera = before;
-      return Plotly.react(div, looks(), layout, config);
+      return Plotly.react(div, traces3d(), layout, config);
     }
 
     function step(now) {
@@ -241,23 +241,23 @@
       last = now;
       busy = true;
       if (running) angle += passed * 2.2;
-      const changes = {}, own = running ? places() : null, traces = [];
-      if (own) {
-        for (const k of [0, 1, 2]) changes["xyz"[k]] = own.map((values) => values[k]);
-        own.forEach((_, i) => traces.push(i));
+      const changes = {}, positions = running ? places() : null, traces = [];
+      if (positions) {
+        for (const k of [0, 1, 2]) changes["xyz"[k]] = positions.map((values) => values[k]);
+        positions.forEach((_, i) => traces.push(i));
       }
       const view_changes = {};
-      if (spin.checked && !held) {
+      if (spin.checked && !dragging) {
         turn += passed * 0.35;
         view_changes["scene.camera.eye"] = eye(turn);
       }
-      const done = own ? Plotly.update(div, changes, view_changes, traces) : Plotly.relayout(div, view_changes);
+      const done = positions ? Plotly.update(div, changes, view_changes, traces) : Plotly.relayout(div, view_changes);
       Promise.resolve(done).finally(() => { busy = false; });
     }
 
-    let held = false;
-    div.addEventListener("pointerdown", () => { held = true; spin.checked = false; });
-    addEventListener("pointerup", () => { held = false; });
+    let dragging = false;
+    div.addEventListener("pointerdown", () => { dragging = true; spin.checked = false; });
+    addEventListener("pointerup", () => { dragging = false; });
     play.textContent = running ? "pause" : "play";
     if (!running) spin.checked = false;
     play.onclick = () => { running = !running; play.textContent = running ? "pause" : "play"; };

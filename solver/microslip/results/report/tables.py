@@ -11,7 +11,7 @@ from ...points.quantities import hertz
 from ..audit import balance
 from ..fields import Fields, RunRecord
 from ..measures import counts, peak
-from ..record import STOPPED, LevelResult, ResultFile, StaticTable
+from ..record import COMPLETE, STOPPED, LevelResult, ResultFile, StaticTable
 from ..sensitivities import relative_at_peak
 from ..style import level_name, some, with_prefix
 
@@ -151,13 +151,13 @@ def bifurcations_table(results: ResultFile) -> str:
     rows = [
         (
             escape(level_name(level)),
-            there.kind,
-            f"{hertz(there.omega):.9g} Hz",
-            quantity_text(float(there.amplitude[0]), results.unit_of(0), 6),
-            f"{there.multiplier:.4f}" if there.multiplier.imag else f"{there.multiplier.real:.4f}",
+            each.kind,
+            f"{hertz(each.omega):.9g} Hz",
+            quantity_text(float(each.amplitude[0]), results.unit_of(0), 6),
+            f"{each.multiplier:.4f}" if each.multiplier.imag else f"{each.multiplier.real:.4f}",
         )
         for level in results.levels
-        for there in level.bifurcations or ()
+        for each in level.bifurcations or ()
     ]
     heads = ("level", "stability changes", "frequency", f"amplitude of {escape(results.outputs[0])}", "multiplier")
     return table(heads, rows[:MOST_PEAKS]) if rows else ""
@@ -308,9 +308,9 @@ def _complete(results: ResultFile) -> tuple[str, str]:
     failed = [level for level in results.levels if level.status == STOPPED]
     if failed:
         return BAD, "; ".join(escape(f"{level_name(level)}: {level.failure}") for level in failed)
-    open_ended = [level for level in results.levels if level.status != "complete"]
-    if open_ended:
-        return LOOK, f"{len(open_ended)} levels were at work when this was written"
+    unfinished = [level for level in results.levels if level.status != COMPLETE]
+    if unfinished:
+        return LOOK, f"{counted(len(unfinished), 'level')} not finished when the results were written"
     n = sum(len(level.frequency) for level in results.levels)
     return GOOD, f"all {counted(len(results.levels), 'level')} are complete, {counted(n, 'point')}"
 

@@ -11,7 +11,7 @@ from ..fields import Fields
 from ..joint_mesh import joint_mesh
 from ..paraview import motion_of_pairs
 from ..record import ResultFile
-from ..skin_triangles import skin
+from ..skin_triangles import outer_triangles
 from ..style import level_name, some, with_prefix
 
 MOST_NODES, MOST_LEVELS, MOST_MODES, MOST_HARMONICS = 12_000, 8, 12, 5
@@ -29,7 +29,7 @@ def view_data(results: ResultFile, fields: Fields) -> dict[str, Any]:
     peaks = some(sorted(fields.peaks), MOST_LEVELS)
     n_modes = min(len(fields.shapes), MOST_MODES)
     n_vectors = n_modes + 1 + sum(min(fields.peaks[i].u.shape[2], 2 * MOST_HARMONICS + 1) for i in peaks)
-    surface = skin(fields.mesh, max(500, min(MOST_NODES, _MOST_BYTES // (6 * n_vectors))))
+    surface = outer_triangles(fields.mesh, max(500, min(MOST_NODES, _MOST_BYTES // (6 * n_vectors))))
     bodies = [
         _body(surface, k, escape(name)[:40].replace("%", ""), BODY_COLOURS[k % len(BODY_COLOURS)])
         for k, name in enumerate(surface.names)

@@ -71,7 +71,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
                 if (about := band(result, scene)) is not None:
                     keys["frequencies"] = about
                 response = respond(structure, **keys)
-                forced = [beside(result, response, level) for level in request.levels]
+                forced = [forced_response(result, response, level) for level in request.levels]
         log.note(on_root(comm, write_backbone, result, forced, scene, folder))
         restart.share_columns(log)
         restart.share_factor(prepared, log)
@@ -93,7 +93,7 @@ def band(result: Backbone, scene: Scene) -> tuple[float, float] | None:
     return min(met) / (1.0 + far), max(met) * (1.0 + far)
 
 
-def beside(result: Backbone, response: Response, level: float) -> Forced:
+def forced_response(result: Backbone, response: Response, level: float) -> Forced:
     """Return the synthesised and the computed forced response at a level.  Local."""
     curve = response.level(level)
     return Forced(

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from ...assembly.assemble import ASSEMBLED, read_off
 from ...assembly.constraints import constrain
@@ -30,6 +31,7 @@ LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at
 PICTURES = 30e6  # bytes of Matplotlib and its fonts, touched at first use
 _FRONTS = 0.25  # memory of a factorisation that discards its factor, over the size of the factor
 COLUMNS = 2.5e8  # bytes of a batch of static solutions on all ranks
+_MIB = 1024.0**2
 
 
 @dataclass(frozen=True)
@@ -114,11 +116,6 @@ def _n_modes(scene: Scene, n_dof: int) -> int:
 def _by_size(n_dof: int) -> float:
     """Return the memory of a factor of a solid mesh [bytes], as measured on a fan-blade sector of 122,124 DOF."""
     return 1.0e9 * (n_dof / 122_124) ** (4.0 / 3.0)
-
-
-from mpi4py import MPI
-
-_MIB = 1024.0**2
 
 
 def memory_of_mesh(scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, so_far: float) -> list[str]:

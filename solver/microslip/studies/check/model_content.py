@@ -51,9 +51,9 @@ def bodies(mesh: Mesh, of_scene: Mapping[str, Body], volume: Mapping[str, float]
     """
     lines = []
     for name, body in of_scene.items():
-        held = ", ".join(f"{len(block.nodes)} {block.kind}" for block in mesh.elements if block.group == body.group)
+        kinds = ", ".join(f"{len(block.nodes)} {block.kind}" for block in mesh.elements if block.group == body.group)
         group = "" if name == body.group else f" (group {body.group})"
-        lines.append(f"{name}{group}: {held}, {volume[name]:.6g} m3{_kilograms(volume[name] * density[name])}")
+        lines.append(f"{name}{group}: {kinds}, {volume[name]:.6g} m3{_kilograms(volume[name] * density[name])}")
     in_all = f"{sum(volume.values()):.6g} m3{_kilograms(mass(volume, density))} in all"
     return table("bodies", lines) + (table("", [in_all]) if len(lines) > 1 else [])
 

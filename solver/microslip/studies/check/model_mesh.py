@@ -89,6 +89,8 @@ def _no_bodies(file: FileModel) -> str:
         )
     unknown = [f"{finding.where}: {finding.word}" for finding in file.findings if finding.effect.startswith("not known")]
     nodes = f"nodes, and {', '.join(unknown[:3])}, not known to this program" if unknown else "nodes alone"
-    others = [f"{one.where}: {one.word}, {one.effect}" for one in file.findings if one.word.startswith("element ")]
-    held = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "; ".join(others) or nodes
-    return f"it holds no volume elements ({held}): nothing that could be a body"
+    others = [
+        f"{finding.where}: {finding.word}, {finding.effect}" for finding in file.findings if finding.word.startswith("element ")
+    ]
+    contents = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "; ".join(others) or nodes
+    return f"it holds no volume elements ({contents}): nothing that could be a body"

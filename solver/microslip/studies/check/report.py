@@ -196,13 +196,12 @@ def _mode_across_gaps(scene: Scene, pairs: ContactPairs) -> list[str]:
 
 def _joints(pairs: ContactPairs) -> list[str]:
     lines = []
-    for name in dict.fromkeys(pairs.joint):
-        of_joint = np.array([joint == name for joint in pairs.joint])
+    for name, of_joint in pairs.by_joint().items():
         N0, area = pairs.N0[of_joint], pairs.area[of_joint].sum()
         where = f" on {area:.6g} m2" if np.isfinite(area) else ""  # matrices come without areas
         law = "" if pairs.laws[of_joint][0] == ELASTIC_COULOMB else f', law "{pairs.laws[of_joint][0]}"'
         lines.append(
-            f"joint      {name}: {counted(of_joint.sum(), 'pair')}{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
+            f"joint      {name}: {counted(len(of_joint), 'pair')}{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
             f"{np.count_nonzero(N0 < 0)} with a gap"
         )
     return lines

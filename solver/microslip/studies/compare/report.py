@@ -12,14 +12,13 @@ from ...observe.screen_table import screen_table
 from ...points.branch import Point
 from ...results.layout import log_scale
 from ...results.measures import AMPLITUDE, Shown
-from ...results.style import LINEAR, RC, WIDTH, Page, Titled, some, with_prefix
+from ...results.style import LINEAR, RC, SERIES_COLOURS, WIDTH, Page, Titled, some, with_prefix
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
 _MOST_LEVELS = 4  # levels in the picture
 _FLOOR = 1e-12  # least difference on a logarithmic axis
-# colours of Okabe and Ito, and two more
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a", "#8a8a8a")
+_COLOURS = (*SERIES_COLOURS, "#1a1a1a", "#8a8a8a")
 
 
 class Solved(Protocol):

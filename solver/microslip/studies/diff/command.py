@@ -135,7 +135,7 @@ def _structure(a: ResultFile, b: ResultFile) -> StructureDifference:
         n_pairs=(a.joint.n_pairs, b.joint.n_pairs),
         joints=(a.joint.names, b.joint.names),
         same_pairs=same,
-        pairs={name: _apart(getattr(a.joint, name), getattr(b.joint, name)) for name in _OF_PAIRS} if same else {},
+        pairs={name: _largest_difference(getattr(a.joint, name), getattr(b.joint, name)) for name in _OF_PAIRS} if same else {},
         n_modes=(len(a.mode_frequency), len(b.mode_frequency)),
         modes=float(difference.max(initial=0.0)),
         mode=int(np.argmax(difference)) + 1 if n else 0,
@@ -151,7 +151,7 @@ def _same_pairs(a: Joint, b: Joint) -> bool:
     return same_nodes and np.allclose(a.position, b.position, rtol=0.0, atol=1e-6 * size, equal_nan=True)
 
 
-def _apart(a: np.ndarray, b: np.ndarray) -> float:
+def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
     """Return the largest difference over the largest value of A; infinite where only one is known."""
     if not np.array_equal(np.isnan(a), np.isnan(b)):
         return float("inf")

@@ -173,15 +173,17 @@ def _difference(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[CurveD
     feet = [curves[1].nearest(curves[0].X), curves[0].nearest(curves[1].X)]
     distances = []
     for i, (side, other) in enumerate(((a, b), (b, a))):
-        foot, there = feet[i], _both_there(curves, feet, i)
-        difference, place = foot.distance[there], foot.place[there]
+        foot, in_common = feet[i], _in_common_range(curves, feet, i)
+        difference, place = foot.distance[in_common], foot.place[in_common]
         resolved = curves[1 - i].resolution(place)
-        first = np.hypot(*(foot.at - curves[i].X)[there, 2:4].T)
-        bars = None if side.bar is None else side.bar[there], None if other.bar is None else _between(other.bar, place)
+        first = np.hypot(*(foot.at - curves[i].X)[in_common, 2:4].T)
+        bars = None if side.bar is None else side.bar[in_common], None if other.bar is None else _between(other.bar, place)
         inside = _inside(scale * np.maximum(first - resolved, 0.0), *bars, scale)
         beyond = np.maximum(difference - resolved, 0.0)
         distances.append(
-            CurveDifference(side.frequency[there], side.level.segment[there], difference, beyond, inside, bool(there.all()))
+            CurveDifference(
+                side.frequency[in_common], side.level.segment[in_common], difference, beyond, inside, bool(in_common.all())
+            )
         )
     return tuple(distances), curves
 
@@ -245,8 +247,8 @@ def _at(values: np.ndarray, i: int) -> float:
     return float(values[i]) if len(values) else 0.0
 
 
-def _both_there(curves: Sequence[Curve], feet: Sequence[Foot], i: int) -> np.ndarray:
-    """Return which points of one of two curves lie in the range of the other, (n,) bool.
+def _in_common_range(curves: Sequence[Curve], feet: Sequence[Foot], i: int) -> np.ndarray:
+    """Return which points of the i-th of two curves lie in the range of the other, (n,) bool.
 
     For curves in one piece these lie between the ends of the other; curves in several pieces are compared completely.
     """

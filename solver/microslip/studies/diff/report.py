@@ -39,8 +39,8 @@ def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path
     if out is not None:
         make_folder(str(out))
         draw(comparison, str(out / "diff.png"))
-        with atomic_write(str(out / "diff.json")) as beside:
-            Path(beside).write_text(json_of(comparison) + "\n", encoding="utf-8")
+        with atomic_write(str(out / "diff.json")) as temporary:
+            Path(temporary).write_text(json_of(comparison) + "\n", encoding="utf-8")
     return (json_of(comparison) if as_json else text_of(comparison)), 0 if comparison.is_same else DIFFERENT
 
 

@@ -73,7 +73,7 @@ def known_method(name: str | None) -> None:
     if name is None or name in FINITE:
         return
     if name in SELECTIONS:
-        why = f"{name!r} keeps the exact static response, which no finite mass and stiffness have"
+        why = f"{name!r} uses the exact static response, which no finite mass and stiffness have"
     else:
         why = f"unknown method {name!r}{hint(name, FINITE, str)}"
     raise CaseError(f"--method: {why}; methods that can be exported: {', '.join(FINITE)}")

@@ -113,12 +113,12 @@ def _largest(arrays: Mapping[str, Entry]) -> int:
 
 def _write_arrays(path: str, arrays: Mapping[str, Entry], has_mat: bool = True) -> None:
     """Write the arrays as .npz and, unless they are too large, as .mat of version 5; text is text in both, never an object."""
-    with atomic_write(f"{path}.npz") as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
+    with atomic_write(f"{path}.npz") as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, entry in arrays.items():  # np.savez_compressed leaves the archive open on a full disk
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(entry.values), allow_pickle=False)
     if has_mat:
-        with atomic_write(f"{path}.mat") as beside, open(beside, "wb") as file:
+        with atomic_write(f"{path}.mat") as temporary, open(temporary, "wb") as file:
             scipy.io.savemat(file, {name: _as_mat(entry.values) for name, entry in arrays.items()}, oned_as="column")
 
 

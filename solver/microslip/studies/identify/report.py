@@ -141,7 +141,7 @@ def _with_pairs(result: Identified, folder: Path) -> dict[str, Any]:
 
 
 def draw_fit(result: Identified, scene: Any, path: str) -> None:
-    """Draw measured amplitudes and phases, the fit and the scene as it was, a row of panels for each output.  Local."""
+    """Draw measured amplitudes and phases, the fit and the scene before it, a row of panels for each output.  Local."""
     measured, levels = result.measured, np.unique(result.measured.level)
     outputs, units = np.unique(measured.output), units_of(scene)
     colours = level_colours(len(levels))

@@ -11,12 +11,11 @@ from scipy.optimize import linear_sum_assignment
 
 from ...linear.dense import gram
 from ...observe.screen_table import screen_table
-from ...results.style import BOXED, FAINT, INK, RC, WIDTH, Page, Titled
+from ...results.style import BOXED, FAINT, INK, RC, SERIES_COLOURS, WIDTH, Page, Titled
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
 ORDERS = 6  # default number of engine orders
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +161,8 @@ def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequenc
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     rpm, highest = campbell.speed * 30.0 / np.pi, 1.08 * float(campbell.frequency.max())
     for i, (speeds, frequency) in enumerate(smooth(campbell)):
-        axes.plot(speeds * 30.0 / np.pi, frequency, color=_COLOURS[i % len(_COLOURS)])
-        axes.plot(rpm, campbell.frequency[i], ".", color=_COLOURS[i % len(_COLOURS)], markersize=4.0)
+        axes.plot(speeds * 30.0 / np.pi, frequency, color=SERIES_COLOURS[i % len(SERIES_COLOURS)])
+        axes.plot(rpm, campbell.frequency[i], ".", color=SERIES_COLOURS[i % len(SERIES_COLOURS)], markersize=4.0)
         axes.annotate(f" {i + 1}", (rpm[-1], campbell.frequency[i, -1]), fontsize=7, va="center", annotation_clip=False)
     draw_engine_orders(axes, orders, float(campbell.speed[-1]), highest)
     axes.plot(

@@ -13,7 +13,7 @@ from ...mesh.data import ContactPairs, Mesh
 from ...messages.words import counted
 from ...observe.screen_table import screen_table
 from ...receptance.modes import ProjectedModes
-from ...results.skin_triangles import Skin, skin
+from ...results.skin_triangles import OuterTriangles, outer_triangles
 from ...results.style import MOST_PANELS, RC, WIDTH, Page, Titled, panels, view_from
 from ...results.vtk import write_modes
 from ...system.files import make_folder
@@ -62,8 +62,7 @@ def joint_shares(pairs: ContactPairs, modes: ProjectedModes) -> dict[str, np.nda
     """
     energy = pairs.law.stiffness.reshape(-1, 1) * np.abs(modes.R_phi) ** 2
     share = energy.reshape(pairs.n_pairs, 3, len(modes.omega_n)).sum(axis=1) / modes.omega_n**2
-    names = np.array(pairs.joint, dtype=str)
-    return {name: share[names == name].sum(axis=0) for name in dict.fromkeys(pairs.joint)}
+    return {name: share[of_joint].sum(axis=0) for name, of_joint in pairs.by_joint().items()}
 
 
 def write_modes_of(table: ModeTable, mesh: Mesh | None, shapes: np.ndarray | None, scene: Titled, folder: Path) -> str:
@@ -119,7 +118,7 @@ def on_screen(table: ModeTable) -> str:
 def draw_shapes(table: ModeTable, mesh: Mesh, shapes: np.ndarray, scene: Titled, path: str) -> None:
     """Draw the shapes of the lowest modes, deformed and coloured by displacement.  Local."""
     n = min(len(table.frequency), MOST_PANELS)
-    surface = skin(mesh, _MOST_NODES)
+    surface = outer_triangles(mesh, _MOST_NODES)
     view = view_from(24.0, -56.0)
     points = mesh.points[surface.nodes]
     flat = points @ view[1:].T
@@ -139,7 +138,7 @@ def draw_shapes(table: ModeTable, mesh: Mesh, shapes: np.ndarray, scene: Titled,
     page.save(path)
 
 
-def _shape(axes, surface: Skin, points: np.ndarray, u: np.ndarray, view: np.ndarray, diagonal: float) -> None:
+def _shape(axes, surface: OuterTriangles, points: np.ndarray, u: np.ndarray, view: np.ndarray, diagonal: float) -> None:
     """Draw one deformed surface, from far to near triangles."""
     size = np.linalg.norm(u, axis=1)
     largest = float(size.max(initial=0.0)) or 1.0

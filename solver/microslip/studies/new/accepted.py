@@ -15,7 +15,7 @@ from ...messages.errors import MeshError
 from ...tables.joint import Joint
 from .candidate import DISTANT, Candidate, bodies_of, plain
 
-MOST = 0.9  # least fraction of the area of one surface on the other, and of the touching area on named surfaces
+LEAST_SHARE = 0.9  # least fraction of the area of one surface on the other, and of the touching area on named surfaces
 
 
 def covering(mesh: Mesh, skin: Skin, touching: Touching, named: list[Candidate], stated: Sequence[tuple[str, ...]]):
@@ -31,22 +31,22 @@ def covering(mesh: Mesh, skin: Skin, touching: Touching, named: list[Candidate],
     for candidate in usable:
         pairs = bodies_of(skin, *candidate.faces)
         between = [np.isin(skin.body[touching.face], ends) & np.isin(skin.body[touching.other], ends) for ends in pairs]
-        there = np.unique(touching.face[np.logical_or.reduce(between) & flush])
-        there = there[_look_alike(skin, there, candidate.faces)]
-        is_whole = area[there[is_contact_face[there]]].sum() >= MOST * area[there].sum()
+        joint_faces = np.unique(touching.face[np.logical_or.reduce(between) & flush])
+        joint_faces = joint_faces[_have_direction(skin, joint_faces, candidate.faces)]
+        is_whole = area[joint_faces[is_contact_face[joint_faces]]].sum() >= LEAST_SHARE * area[joint_faces].sum()
         if is_whole or frozenset(candidate.surfaces) in wanted:
             passed.append(candidate)
     return passed
 
 
-def _look_alike(skin: Skin, faces: np.ndarray, sides: Iterable[np.ndarray]) -> np.ndarray:
+def _have_direction(skin: Skin, faces: np.ndarray, sides: Iterable[np.ndarray]) -> np.ndarray:
     """Return which faces have the direction of either of two sides, (n,) bool; all faces if a side is round."""
-    alike = np.zeros(len(faces), dtype=bool)
+    has_direction = np.zeros(len(faces), dtype=bool)
     for side in sides:
         mean = (skin.area[side, None] * skin.normal[side]).sum(axis=0) / skin.area[side].sum()
         length = np.linalg.norm(mean)
-        alike |= length < 0.5 or skin.normal[faces] @ mean >= np.cos(np.radians(TURNED)) * length
-    return alike
+        has_direction |= length < 0.5 or skin.normal[faces] @ mean >= np.cos(np.radians(TURNED)) * length
+    return has_direction
 
 
 def accepted(mesh: Mesh, skin: Skin, order: list[Candidate]) -> list[Candidate]:

@@ -83,14 +83,14 @@ def _part(mesh: Mesh, part: np.ndarray, number: int, body_of: Mapping[str, str])
     """Return the elements of a part."""
     centres, volumes, corners, body = [], [], [], ""
     for block in mesh.elements:
-        mine = block.nodes[part[block.nodes[:, 0]] == number]
-        if not len(mine):
+        nodes = block.nodes[part[block.nodes[:, 0]] == number]
+        if not len(nodes):
             continue
         n = elements.KINDS[block.kind].n_corners
-        at = mesh.points[mine[:, [*range(n), *[0] * (8 - n)]]]
-        centres.append(at[:, :n].mean(axis=1))
-        volumes.append(elements.volumes(block.kind, mesh.points[mine]))
-        corners.append(at)
+        points = mesh.points[nodes[:, [*range(n), *[0] * (8 - n)]]]
+        centres.append(points[:, :n].mean(axis=1))
+        volumes.append(elements.volumes(block.kind, mesh.points[nodes]))
+        corners.append(points)
         body = body_of[block.group]
     return _Part(np.concatenate(centres), np.concatenate(volumes), np.concatenate(corners), body)
 
@@ -114,8 +114,8 @@ def _shank(number: int, part: _Part) -> Shank | None:
     start, end, r = edges[first], edges[last], widest[first:last].min(initial=np.inf)
     if not end - start >= _SHANK * (high - low):
         return None
-    mine = (part.centre - middle) @ axis
-    inside = (mine > start) & (mine < end)
+    centre = (part.centre - middle) @ axis
+    inside = (centre > start) & (centre < end)
     cylinder = np.pi * r**2 * np.ptp(along[inside]) if inside.any() else np.inf
     if not _FULL[0] <= part.volume[inside].sum() / cylinder <= _FULL[1]:
         return None
@@ -123,7 +123,7 @@ def _shank(number: int, part: _Part) -> Shank | None:
     if max(ends) < _WIDER * r:
         return None
     sign = 1.0 if ends[1] >= ends[0] else -1.0
-    at = _free_place(mine[inside], start, end)
+    at = _free_place(centre[inside], start, end)
     return Shank(number, part.body, sign * axis, float(r), middle + at * axis)
 
 
@@ -147,8 +147,8 @@ def _free_place(along: np.ndarray, start: float, end: float) -> float:
 def _with_nuts(skin: Skin, touching: Touching, shank: Shank, parts: dict[int, _Part], bolts: set[int]) -> Shank:
     """Return a shank with its nuts and washers, and its cut outside the nuts."""
     rings = tuple(number for number, part in parts.items() if number not in bolts and _is_ring(part, shank, parts[shank.part]))
-    mine = (skin.part[touching.face] == shank.part) & (np.abs(skin.normal[touching.face] @ shank.axis) < _ACROSS)
-    on_thread = set(skin.part[touching.other[mine]].tolist())
+    is_thread = (skin.part[touching.face] == shank.part) & (np.abs(skin.normal[touching.face] @ shank.axis) < _ACROSS)
+    on_thread = set(skin.part[touching.other[is_thread]].tolist())
     nuts = tuple(number for number in rings if number in on_thread)
     shank = replace(shank, rings=rings)
     if not nuts:

@@ -16,7 +16,7 @@ from ...mesh.touching import NEAR, TURNED, Touching, find_touching
 from ...messages.errors import MeshError
 from ...tables.structure import Surface
 from ...tables.structure_tables import StructureTables
-from .accepted import MOST, accepted, covering, with_gap
+from .accepted import LEAST_SHARE, accepted, covering, with_gap
 from .bolts import Shank, find_bolts
 from .candidate import DISTANT, Candidate, bodies_of, plain
 
@@ -39,18 +39,17 @@ def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables)
     tied = [(faces[a], faces[b]) for a, b in (ty.surfaces for ty in file.ties) if a in faces and b in faces]
     stated = [finding.surfaces for finding in file.findings if len(finding.surfaces) == 2]
     untied = _without(touching, skin, tied)
-    named, _ = _named(mesh, skin, untied, faces, stated)
-    named = covering(mesh, skin, untied, named, stated)
+    named = covering(mesh, skin, untied, _named(skin, untied, faces, stated), stated)
     of_named = [(faces[a], faces[b]) for a, b in (candidate.surfaces for candidate in named)]
     rest = _without(untied, skin, of_named)
     names = [settings.body_of[group] for group in groups_of_bodies(mesh)]
     joined = {frozenset(names[i] for i in pair) for sides in (*tied, *of_named) for pair in bodies_of(skin, *sides)}
-    rough = np.abs(rest.gap) > DISTANT * np.maximum(skin.size[rest.face], skin.size[rest.other])
+    has_gap = np.abs(rest.gap) > DISTANT * np.maximum(skin.size[rest.face], skin.size[rest.other])
     names_in_use = set(mesh.node_groups)
-    distant = _near_pairs(_without(find_touching(skin, near=_FAR), skin, tied), touching, _some(rest, rough))
+    distant = _near_pairs(_without(find_touching(skin, near=_FAR), skin, tied), touching, _chosen(rest, has_gap))
     unnamed = [
         replace(candidate, is_likely=frozenset(candidate.made[0].bodies) not in joined)
-        for pairs, is_distant in ((_some(rest, ~rough), False), (distant, True))
+        for pairs, is_distant in ((_chosen(rest, ~has_gap), False), (distant, True))
         for candidate in _unnamed(mesh, skin, pairs, names, names_in_use, not is_distant)
     ]
     bolts = find_bolts(mesh, skin, touching, settings.body_of, set(mesh.node_groups) - {*faces})
@@ -68,14 +67,14 @@ def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables)
     return accepted(mesh, skin, order), bolts
 
 
-def _near_pairs(far: Touching, near: Touching, rough: Touching) -> Touching:
-    """Return pairs of near faces that do not touch: ``rough``, and pairs of ``far`` whose faces touch nothing."""
+def _near_pairs(far: Touching, near: Touching, separated: Touching) -> Touching:
+    """Return pairs of near faces that do not touch: ``separated``, and pairs of ``far`` whose faces touch nothing."""
     alone = ~np.isin(far.face, near.face) & ~np.isin(far.other, near.face)
     face, other, gap = (
         np.concatenate([values[alone], more])
-        for values, more in ((far.face, rough.face), (far.other, rough.other), (far.gap, rough.gap))
+        for values, more in ((far.face, separated.face), (far.other, separated.other), (far.gap, separated.gap))
     )
-    return Touching(face, other, gap, np.maximum(far.share, rough.share))
+    return Touching(face, other, gap, np.maximum(far.share, separated.share))
 
 
 def _of_bolts(skin: Skin, candidate: Candidate, bolts: Sequence[Shank]) -> Candidate:
@@ -84,18 +83,17 @@ def _of_bolts(skin: Skin, candidate: Candidate, bolts: Sequence[Shank]) -> Candi
     return replace(candidate, is_of_bolt=any(bool(np.isin(skin.part[side], hardware).all()) for side in candidate.faces))
 
 
-def _some(touching: Touching, chosen: np.ndarray) -> Touching:
-    """Return some of the pairs of faces."""
+def _chosen(touching: Touching, chosen: np.ndarray) -> Touching:
+    """Return the chosen pairs of faces; ``chosen``: (n,) bool."""
     return replace(touching, face=touching.face[chosen], other=touching.other[chosen], gap=touching.gap[chosen])
 
 
-def _without(touching: Touching, skin: Skin, pairs: Iterable) -> Touching:
-    """Return the pairs of faces except those between two given sets."""
+def _without(touching: Touching, skin: Skin, pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> Touching:
+    """Return the pairs of faces except those between the two sets of faces of any of ``pairs``."""
     chosen = np.ones(len(touching.face), dtype=bool)
     for first, second in pairs:
-        if first is not None and second is not None:
-            chosen &= ~_between(touching, skin, first, second)
-    return _some(touching, chosen)
+        chosen &= ~_between(touching, skin, first, second)
+    return _chosen(touching, chosen)
 
 
 def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -106,10 +104,8 @@ def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarr
     return (is_first[face] & is_second[other]) | (is_second[face] & is_first[other])
 
 
-def _named(
-    mesh: Mesh, skin: Skin, touching: Touching, faces: dict[str, np.ndarray], stated: Sequence[tuple[str, ...]]
-) -> tuple[list[Candidate], Touching]:
-    """Return the candidates with names in the file, and the remaining pairs of faces.
+def _named(skin: Skin, touching: Touching, faces: dict[str, np.ndarray], stated: Sequence[tuple[str, ...]]) -> list[Candidate]:
+    """Return the candidates with names in the file.
 
     Of several groups of the same faces the ones in contact in the file are taken, then the first.
     """
@@ -133,7 +129,7 @@ def _named(
     candidates = []
     for i, j in sorted(mutual, key=rank):
         is_wanted = frozenset((names[i], names[j])) in wanted
-        if max(mutual[i, j]) < MOST and not is_wanted:
+        if max(mutual[i, j]) < LEAST_SHARE and not is_wanted:
             continue
         inside = _between(touching, skin, faces[names[i]], faces[names[j]])
         if not inside.any():
@@ -141,7 +137,7 @@ def _named(
         first, second = _in_order(skin, (i, mutual[i, j][0]), (j, mutual[i, j][1]), [faces[name] for name in names])
         candidates.append(_candidate(skin, touching, (names[first], names[second]), faces[names[first]], faces[names[second]]))
         touching = _without(touching, skin, [(faces[names[i]], faces[names[j]])])
-    return candidates, touching
+    return candidates
 
 
 def _in_order(skin: Skin, first: tuple[int, float], other: tuple[int, float], faces: list[np.ndarray]) -> tuple[int, int]:
@@ -225,15 +221,15 @@ def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_sam
     left = first
     while len(left):
         largest = skin.normal[left[np.argmax(skin.area[left])]]
-        mine = left[skin.normal[left] @ largest >= np.cos(np.radians(TURNED))]
-        mean = (skin.area[mine, None] * skin.normal[mine]).sum(axis=0)
+        side = left[skin.normal[left] @ largest >= np.cos(np.radians(TURNED))]
+        mean = (skin.area[side, None] * skin.normal[side]).sum(axis=0)
         normal = np.round(mean / np.linalg.norm(mean), 3) + 0.0
-        mine = left[skin.normal[left] @ normal >= np.cos(np.radians(TURNED)) * np.linalg.norm(normal)]
+        side = left[skin.normal[left] @ normal >= np.cos(np.radians(TURNED)) * np.linalg.norm(normal)]
         other = second[-(skin.normal[second] @ normal) >= np.cos(np.radians(TURNED)) * np.linalg.norm(normal)]
-        if len(mine) == 0 or len(other) == 0:
+        if len(side) == 0 or len(other) == 0:
             return
-        yield (float(normal[0]), float(normal[1]), float(normal[2])), mine, other
-        left = np.setdiff1d(left, np.concatenate([mine, other]) if is_same_body else mine)
+        yield (float(normal[0]), float(normal[1]), float(normal[2])), side, other
+        left = np.setdiff1d(left, np.concatenate([side, other]) if is_same_body else side)
 
 
 def _is_smooth(mesh: Mesh, skin: Skin, faces: np.ndarray) -> bool:

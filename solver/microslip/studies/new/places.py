@@ -125,8 +125,8 @@ def farthest(mesh: Mesh, file: FileModel, fixed: Iterable[str]) -> Place:
         mesh.node_groups[point.group] for point in file.connected if point.name in held and point.group in mesh.node_groups
     ]
     nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *groups]))
-    from_there = mesh.points[nodes] if len(nodes) else mesh.points.mean(axis=0)[None]
-    distance = cKDTree(from_there).query(mesh.points)[0]
+    supported = mesh.points[nodes] if len(nodes) else mesh.points.mean(axis=0)[None]
+    distance = cKDTree(supported).query(mesh.points)[0]
     node = int(np.argmax(np.round(distance / mesh.diagonal, 6)))  # the first of equally distant nodes
     across = np.ones(3)
     across[int(np.argmax(np.ptp(mesh.points, axis=0)))] = 0.0

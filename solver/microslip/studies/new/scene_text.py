@@ -33,7 +33,7 @@ def text_of(first: First) -> str:
     ]
     text = "\n".join(part for part in parts if part)
     missing = "Fill in what begins with #>, then" if lacks_entries(text) else "Nothing has to be filled in"
-    head = f"# A first scene for {first.model}, by microslip new; docs/guide.md says what each key means. Units are SI here."
+    head = f"# A first scene for {first.model}, by microslip new; docs/guide.md explains each key. Units are SI here."
     return "\n".join([head, f"# {missing}: microslip check, microslip run.", text])
 
 

@@ -12,7 +12,7 @@ from ... import elements
 from ...formats.model import FileModel
 from ...mesh.cyclic import faces_fit, rotation
 from ...mesh.data import Mesh
-from ...mesh.surface import outward_faces
+from ...mesh.surface import nodes_of, outward_faces
 from ...messages.errors import MeshError
 from ...tables.cyclic import Cyclic
 from ...tables.structure_tables import StructureTables
@@ -37,8 +37,8 @@ class Sector:
     def text(self) -> str:
         """Return a description."""
         low, high = self.cyclic.faces or ("", "")
-        says = "as the file states" if self.of_file else f"a turn of {360.0 / self.cyclic.sectors:.6g} degrees fits them"
-        return f"sector of {self.cyclic.sectors}: {low} to {high}, {says}"
+        origin = "as the file states" if self.of_file else f"a turn of {360.0 / self.cyclic.sectors:.6g} degrees fits them"
+        return f"sector of {self.cyclic.sectors}: {low} to {high}, {origin}"
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class _Face:
             normal += np.einsum("fn,fni->i", shares, elements.face_normals(kind, points))
             moment += np.einsum("fn,fni->i", shares, points)
             area += float(shares.sum())
-        nodes = np.unique(np.concatenate([of_kind.ravel() for of_kind in faces.values()]))
+        nodes = nodes_of(faces)
         return cls(name, nodes, normal, area, moment / area)
 
 

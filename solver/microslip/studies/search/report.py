@@ -18,8 +18,8 @@ from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, plain, with_pr
 from ...system.files import make_folder, remove_files
 from ..records import cell, write_csv
 
-FAINTEST = 1e-6  # of the largest amplitude, below which another one counts as zero: no logarithmic axis
-SAME = 1e-4  # of a response: the difference up to which another one is the same solution
+FAINTEST = 1e-6  # least ratio of the smallest amplitude to the largest for a logarithmic axis
+SAME = 1e-4  # largest relative difference of two responses of the same solution
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 _SOURCES = {"curve": "along the curve", "level": "over the level", "deflation": "by deflation"}
 _STABLE = {True: "stable", False: "unstable", None: "\u2013"}
@@ -73,8 +73,8 @@ def curve_records(result: Search, solution: int, curve: FollowedCurve) -> list[d
     return [
         {"solution": solution, "segment": int(segment), "frequency_Hz": float(frequency)}
         | {f"{name}_{unit}": float(size) for name, unit, size in zip(result.outputs, result.units, sizes)}
-        | {"stable": here}
-        for segment, frequency, sizes, here in zip(curve.segment, curve.frequency, curve.amplitude, stable)
+        | {"stable": is_stable_point}
+        for segment, frequency, sizes, is_stable_point in zip(curve.segment, curve.frequency, curve.amplitude, stable)
     ]
 
 
@@ -138,7 +138,7 @@ def returning(result: Search) -> list[str]:
 
 
 def place(result: Search, response: np.ndarray) -> str:
-    """Return as text which solution a response at the frequency of the search is."""
+    """Return as text the number of the solution with this response, (n_outputs, N_H)."""
     for k, solution in enumerate(result.solutions, 1):
         if np.linalg.norm(response - solution.response) <= SAME * np.linalg.norm(response):
             return f"solution {k}"
@@ -146,9 +146,9 @@ def place(result: Search, response: np.ndarray) -> str:
 
 
 def returns(curve: FollowedCurve, frequency: float) -> list[np.ndarray]:
-    """Return the responses at which the segments of a curve return to their first frequency."""
-    ways = [np.flatnonzero(curve.segment == segment) for segment in np.unique(curve.segment)]
-    ends = [way[-1] for way in ways if len(way) > 1]
+    """Return the responses, (n_outputs, N_H) each, at the ends of segments of a curve that end at ``frequency`` [Hz]."""
+    indices = [np.flatnonzero(curve.segment == segment) for segment in np.unique(curve.segment)]
+    ends = [of_segment[-1] for of_segment in indices if len(of_segment) > 1]
     return [curve.response[i] for i in ends if np.isclose(curve.frequency[i], frequency, rtol=1e-12, atol=0.0)]
 
 

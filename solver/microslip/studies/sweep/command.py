@@ -106,7 +106,7 @@ def in_words(planned: Planned, request: Request) -> str:
     """Return a line that describes the samples of a sweep."""
     n, n_outside = len(planned.design), sum(sample.status == OUTSIDE for sample in planned.known.values())
     axes = " x ".join(map(str, planned.design.shape))
-    kinds = ", ".join(f"{key} ({_WAYS[kind]})" for key, kind in zip(planned.varied.keys, planned.varied.kinds))
+    kinds = ", ".join(f"{key} ({_RECOMPUTED[kind]})" for key, kind in zip(planned.varied.keys, planned.varied.kinds))
     n_known = len(planned.known) - n_outside
     parts = f"; part {request.part[0]} of {request.part[1]}" if request.part[1] > 1 else ""
     return "\n".join(
@@ -118,7 +118,7 @@ def in_words(planned: Planned, request: Request) -> str:
     )
 
 
-_WAYS = {
+_RECOMPUTED = {
     "level": "on the same structure",
     "law": "on the same structure",
     "rest": "another state of rest",
@@ -199,7 +199,7 @@ def follow(
 
     def receive(i: int, sample: Sample) -> None:
         samples[i] = sample
-        log.note(_line(i, sample, len(samples), len(planned.left)), keep=False)
+        log.note(_line(i, sample, len(samples), len(planned.left)), in_results=False)
 
     counter, reports, slowest = Counter(groups.world), Reports(groups, receive), 0.0
 
@@ -210,7 +210,7 @@ def follow(
     with reports.shared_failure():
         for task in dealt(groups, counter, len(units)):
             for i in units[task]:
-                on_root(groups.comm, _look, limit, slowest)
+                on_root(groups.comm, _check_time, limit, slowest)
                 sample = peaks.solve(planned.design.values[i])
                 slowest = max(slowest, sample.seconds)
                 on_root(groups.comm, finished, i, sample)
@@ -221,8 +221,8 @@ def follow(
     return samples
 
 
-def _look(limit: TimeLimit | None, slowest: float) -> None:
-    """Raise Interrupted where a signal came, or the time does not suffice for another sample."""
+def _check_time(limit: TimeLimit | None, slowest: float) -> None:
+    """Raise Interrupted after a signal, or if the time left does not suffice for another sample.  Local, on a group's root."""
     raise_stop()
     if limit is not None and limit.remaining < MARGIN + SLOWEST * slowest:
         raise Interrupted(f"stopped {max(limit.remaining, 0.0):.0f} s before the end of {limit.source}")
@@ -232,8 +232,8 @@ def _line(i: int, sample: Sample, n: int, of: int) -> str:
     values = " ".join(f"{value:.6g}" for value in sample.values)
     if sample.status != DONE:
         return f"  {n} of {of}: sample {i}: {values}: {sample.why}"
-    way = ", along its curve" if sample.is_followed else ""
+    along = ", along its curve" if sample.is_followed else ""
     return (
         f"  {n} of {of}: sample {i}: {values}: {sample.amplitude:.6g} at {sample.frequency:.7g} Hz, "
-        f"{sample.newton} Newton iterations{way}, {sample.seconds:.3g} s{'; ' * bool(sample.why)}{sample.why}"
+        f"{sample.newton} Newton iterations{along}, {sample.seconds:.3g} s{'; ' * bool(sample.why)}{sample.why}"
     )

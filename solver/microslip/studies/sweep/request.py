@@ -45,12 +45,12 @@ def design_of(scene: Scene, request: Request) -> Design:
 
     Raises
     ------
-    CaseError : nothing varies, or in two ways at once; a value that is no number; an unknown key; a table that does not fit
+    CaseError : no or several options that vary numbers; a value that is no number; an unknown key; a table that does not fit
     """
     where = f"{scene.source}: sweep"
-    ways = [bool(request.swept), bool(request.scatter), request.table is not None]
-    if sum(ways) != 1:
-        stated = listed([flag for flag, has in zip(("--set KEY=LIST", "--scatter", "--table"), ways) if has] or ["none"])
+    is_requested = [bool(request.swept), bool(request.scatter), request.table is not None]
+    if sum(is_requested) != 1:
+        stated = listed([flag for flag, has in zip(("--set KEY=LIST", "--scatter", "--table"), is_requested) if has] or ["none"])
         raise CaseError(
             f"{where}: exactly one of --set {_LISTS}, --scatter KEY=PERCENT or --table FILE.csv varies numbers, found {stated}"
         )

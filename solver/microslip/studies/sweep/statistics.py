@@ -54,10 +54,10 @@ def _alone(table: SweepTable, j: int) -> Effect | None:
     """Return the effect of the j-th number in the samples in which it alone differs from the scene."""
     x, y = table.design.values, table["amplitude"]
     nominal = np.array(table.nominal.values)
-    mine = np.flatnonzero((np.delete(x, j, 1) == np.delete(nominal, j)).all(axis=1) & np.isfinite(y))
-    if len(mine) < 2:
+    alone = np.flatnonzero((np.delete(x, j, 1) == np.delete(nominal, j)).all(axis=1) & np.isfinite(y))
+    if len(alone) < 2:
         return None
-    low, high = mine[np.argmin(x[mine, j])], mine[np.argmax(x[mine, j])]
+    low, high = alone[np.argmin(x[alone, j])], alone[np.argmax(x[alone, j])]
     return Effect(table.design.keys[j], (float(x[low, j]), float(x[high, j])), float(y[low]), float(y[high]))
 
 

@@ -89,7 +89,7 @@ def check_request(scene: Scene, request: Request) -> None:
     if scene.leaves_harmonics_out:
         raise CaseError(
             f"{scene.path}: [solver] harmonics = {list(scene.chosen_harmonics)}: trade varies the highest of all; state "
-            f" harmonics = {scene.harmonics}"
+            f"harmonics = {scene.harmonics}"
         )
     if scene.cyclic is not None and scene.cyclic.whole:
         raise CaseError(
@@ -113,7 +113,7 @@ def check_loads(scene: Scene) -> None:
         )
     common = gcd(*numbers)
     if common > 1:
-        stated, lower = (", ".join(map(str, some)) for some in (numbers, [n // common for n in numbers]))
+        stated, lower = (", ".join(map(str, harmonics)) for harmonics in (numbers, [n // common for n in numbers]))
         raise CaseError(
             f"{scene.path}: [[loads]] harmonic = {stated}: nothing moves in harmonic 1, of which trade measures "
             f"errors; state harmonic = {lower}, and {common} times the frequencies in [response]: the same motion"

@@ -268,9 +268,9 @@ def corrected_sentences(study: Study) -> list[str]:
             continue
         errors = " -> ".join(_known(value, study) for value in (study.score(run).error, error))
         as_good = next((value for value in sweep if study.score(value).error <= max(error, study.reference.floor)), None)
-        beside = "" if as_good is None else f"; without it takes {as_good.setting.harmonics}, {as_good.cost / run.cost:.2g}x"
+        alternative = "" if as_good is None else f"; without it takes {as_good.setting.harmonics}, {as_good.cost / run.cost:.2g}x"
         text = f"harmonics {run.setting.harmonics}, corrected: error {errors}"
-        lines.append(f"{text} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
+        lines.append(f"{text} for {run.cpu_with_bars / run.cost:.2g}x the time{alternative}")
     return lines
 
 

@@ -9,7 +9,7 @@ from ...results.layout import log_scale
 from ...results.style import FAINT, INK, WIDTH, Page, Titled
 from .study import ACCURACY, BASE, COMBINED, Study
 
-# colours of Okabe and Ito, and markers that distinguish them without colour
+# colour and marker of each kind of run; the markers distinguish them without colour
 STYLES = {
     "harmonics": ("#0072b2", "o"),
     "samples": ("#d55e00", "s"),
@@ -102,13 +102,13 @@ def _name(axes, study: Study, shown: dict) -> None:
         for run in study.complete:
             if run.parameter != kind:
                 continue
-            here = (np.log10(shown[id(run)]) - (left, low)) / (right - left, high - low)
-            if all(np.any(np.abs(here - other) > space) for other in taken):
+            position = (np.log10(shown[id(run)]) - (left, low)) / (right - left, high - low)
+            if all(np.any(np.abs(position - other) > space) for other in taken):
                 text = run.value if kind == ACCURACY else f"H={run.value}"
                 place, side = ((-4, -9), "right") if run.setting.is_corrected else (offset, "left")  # corrected: left
-                look = {"textcoords": "offset points", "fontsize": 6, "color": STYLES[kind][0], "zorder": 5}
-                axes.annotate(text, shown[id(run)], xytext=place, horizontalalignment=side, **look)
-                taken.append(here)
+                style = {"textcoords": "offset points", "fontsize": 6, "color": STYLES[kind][0], "zorder": 5}
+                axes.annotate(text, shown[id(run)], xytext=place, horizontalalignment=side, **style)
+                taken.append(position)
 
 
 def _draw_bars(axes, study: Study) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from ...library.build import build
@@ -74,7 +75,7 @@ def follow_to_the_end(wearing: WearingJoint, progress: Progress, log: RunLog) ->
         log.note(_line(state), on_screen=False)
 
 
-def _still(wearing: WearingJoint, last: State) -> str:
+def _without_sliding(wearing: WearingJoint, last: State) -> str:
     """Return the message for a joint of which no pair slides."""
     where = f"at {wearing.level:g} {wearing.units.level}"
     if last.number == 0:
@@ -88,7 +89,7 @@ def _line(state: State) -> str:
     point = state.cycle.point
     return (
         f"jump {state.number} to {state.cycles:.6g} cycles: depth up to {state.depth.max():.4g} m (error of the jump "
-        f"{state.error:.1e} m), {point.omega / 6.283185307179586:.8g} Hz, friction loss {state.cycle.energy.sum():.5g} J"
+        f"{state.error:.1e} m), {point.omega / (2.0 * np.pi):.8g} Hz, friction loss {state.cycle.energy.sum():.5g} J"
     )
 
 
@@ -105,7 +106,7 @@ def write_study(wearing: WearingJoint, states: list[State], folder: Path, option
     text = on_root(comm, lambda: write_wear(history_of(wearing, joint, states), folder, worn))
     log.note(text)
     if not last.cycle.rate.any():
-        log.note(_still(wearing, last))
+        log.note(_without_sliding(wearing, last))
     log.note(f"results in {folder}")
     return failures
 

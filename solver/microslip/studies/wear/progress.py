@@ -42,16 +42,16 @@ class Progress:
     def _opened(self, scene: Scene, options: tuple[str, ...], fresh: bool) -> tuple[list[State], str]:
         make_folder(str(self._path.parent))
         end = wear_of(scene).cycles
-        states, keep, is_other = checked_read(self._path, _read, self._path, _key(scene, options), end)
+        states, length, is_other = checked_read(self._path, _read, self._path, _key(scene, options), end)
         note = "the jumps of an earlier study of other inputs are not used" if is_other else ""
         if fresh and states:
-            states, keep, note = [], 0, ""
+            states, length, note = [], 0, ""
         elif states:
             note = (
                 f"continues after {counted(len(states) - 1, 'jump')}, at {states[-1].cycles:.6g} cycles (--fresh recomputes them)"
             )
-        self._journal = Journal(self._path, keep)
-        if not keep:
+        self._journal = Journal(self._path, length)
+        if not length:
             self._journal.append({}, {"key": _key(scene, options)})
         return states, note
 
