@@ -95,7 +95,7 @@ def defined(path, name):
 @pytest.mark.parametrize("value", PATHS)
 def test_the_path_of_a_value_is_that_of_the_code(value):
     (row,) = re.findall(rf"^\| `{value}`.*$", PAGE.partition("## Paths of values")[2], flags=re.M)
-    _, way, files, _ = (cell.strip() for cell in row.strip("|").split(" | "))
+    _, way, files = (cell.strip() for cell in row.strip("|").split(" | "))
     steps = re.findall(r"`([\w/]+\.\w+)` `([\w.]+)`", way)
     assert len({file for file, _ in steps}) == int(files) == way.count(",") + 1
     for file, name in steps:
