@@ -14,6 +14,9 @@ homotopy is repeated from a motion perturbed by 1e-8, to see whether rounding de
 
 from __future__ import annotations
 
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import sys
 import time

@@ -9,6 +9,9 @@ harmonics that the scene's accuracy selects.  Needs meshes/block_on_ground.msh (
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import time
 from pathlib import Path
@@ -16,7 +19,6 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-import microslip
 from microslip.parallel.petsc import initialise
 
 SCENE = Path(__file__).parents[1] / "block_on_ground.toml"

@@ -8,6 +8,9 @@ closed points stuck, and at each level the peak per newton and its frequency.
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import sys
 import tempfile
@@ -15,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 
-import microslip
 from microslip.scene.read import changed, scene_of
 
 JOBS = Path(__file__).parents[1]

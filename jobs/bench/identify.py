@@ -7,14 +7,15 @@ One mass (m = k = k_t = 1, c = 0.02, limit mu N0 = 1) under two levels at 8 freq
 largest, phases of 0.02 rad.  Friction, tangential stiffness and damping are fitted from a different start, for each noise seed.
 """
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import tempfile
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-
-import microslip
 
 SCENE = """
 title = "One mass on a friction element"

@@ -9,6 +9,9 @@ more.
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import sys
 import tempfile
@@ -18,7 +21,6 @@ from time import perf_counter
 
 import numpy as np
 
-import microslip
 from microslip.scene.read import changed
 
 JOBS = Path(__file__).parents[1]

@@ -11,14 +11,15 @@ the interpolant.  Printed: the root mean square of their errors in the percentil
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import time
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import RBFInterpolator
-
-import microslip
 
 ROOT = Path(__file__).parents[2]
 PERCENTILES = 5.0, 50.0, 95.0

@@ -9,12 +9,14 @@ pairs.
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 from pathlib import Path
 
 import numpy as np
 
-import microslip
 from microslip.scene.read import changed
 
 JOBS = Path(__file__).parents[1]

@@ -11,6 +11,9 @@ are relative to the sweep; a positive amplitude difference means that the listed
 
 from __future__ import annotations
 
+import microslip  # noqa: F401  selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import sys
 import time

@@ -9,6 +9,9 @@ the second moment of the closed pairs, and the pressure at the centre.
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import sys
 import tempfile
@@ -16,8 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-import microslip
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "meshes"))
 

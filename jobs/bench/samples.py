@@ -6,13 +6,14 @@ Errors are those of the complex amplitude at the same frequencies, the largest o
 amplitude of the level; the reference follows the path with many samples.  Times are those of the response without set-up.
 """
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import time
 
 import numpy as np
 from machine import facts
-
-import microslip
 
 N_POINTS = 24  # frequencies, over the range of the scene
 

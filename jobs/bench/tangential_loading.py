@@ -11,6 +11,9 @@ sticking points, and from their tractions, which approach the limit at its edge 
 
 from __future__ import annotations
 
+import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
+
+# isort: split
 import argparse
 import itertools
 import tempfile
@@ -30,8 +33,6 @@ initialise()
 
 from cattaneo import MU, Case, Rings, scene_of
 from slow_cycle import SlowCycle
-
-import microslip
 
 
 @dataclass(frozen=True, eq=False)
