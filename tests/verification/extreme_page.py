@@ -59,12 +59,12 @@ def summary(outcomes: list) -> list[str]:
     requested = answered - by_rule
     rows = [
         ("cases", "", len(outcomes)),
-        ("without an answer", "", len(outcomes) - answered),
-        ("refused by a rule on what may be requested", "", by_rule),
+        ("without a solution", "", len(outcomes) - answered),
+        ("refused by a rule for requests", "", by_rule),
         ("solved of the others", requested, f"{counts[SOLVED]}, {100 * counts[SOLVED] / requested:.1f} %"),
         ("refused, of these as expected", expected, f"{counts[REFUSED]}, {expected}"),
         ("failed with a reason", 0, counts[FAILED]),
-        ("wrong without a word", 0, counts[WRONG]),
+        ("wrong without a message", 0, counts[WRONG]),
         ("defects", 0, counts[DEFECT]),
         ("points judged from the matrices alone", "", sum(outcome.n_points for outcome in outcomes)),
         ("points with the mean slip held by springs", "", sum(outcome.held for outcome in outcomes)),
@@ -97,9 +97,9 @@ def not_solved(outcomes: list) -> list[str]:
     for outcome in outcomes:
         if outcome.status != SOLVED:
             words = outcome.words.split("/scene.toml: ")[-1].splitlines()[0].replace("|", "\\|") if outcome.words else ""
-            what = outcome.status + ("" if not outcome.expected else ", by a rule" if outcome.has_answer else ", has no answer")
+            what = outcome.status + ("" if not outcome.expected else ", by a rule" if outcome.has_answer else ", has no solution")
             rows.append([outcome.name, what, str(outcome.n_points), words])
-    return table(("case", "outcome", "points computed", "in the program's words"), rows, words=4)
+    return table(("case", "outcome", "points computed", "message"), rows, words=4)
 
 
 def draw(outcomes: list, path: Path) -> None:
