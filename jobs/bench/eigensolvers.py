@@ -38,7 +38,15 @@ def block_lanczos() -> type:
     module = types.ModuleType("microslip.modes.block_lanczos")
     module.__package__ = "microslip.modes"
     exec(compile(source, LANCZOS, "exec"), module.__dict__)
-    return module.BlockLanczos
+
+    class BlockLanczos(module.BlockLanczos):
+        """The class with the interface of ``ModeSearch``: products of the modes with K_L and M are not known."""
+
+        def lowest(self, n_wanted: int) -> tuple:
+            theta, phi_owned, info = super().lowest(n_wanted)
+            return theta, phi_owned, None, info
+
+    return BlockLanczos
 
 
 def seconds(work) -> tuple[float, Any]:
