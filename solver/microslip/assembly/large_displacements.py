@@ -16,7 +16,7 @@ from .system import System
 def tangent_about(
     dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
 ) -> tuple[System, np.ndarray]:
-    """Return the system with the stiffness K_T about a displacement, and the additional forces K_T u - f_int(u).
+    """Return the system with the stiffness K_T about a displacement, and the additional forces (the brackets of the equation).
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  docs/theory.md, eq. (12.14).
 
@@ -56,7 +56,7 @@ def _about(
     held: np.ndarray,
     is_stressed: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return K_T - K (n_elements, n, 3, n, 3) [N/m] and K_T u - f_int (n_elements, n, 3) [N] of some elements.  Local.
+    """Return K_T - K (n_elements, n, 3, n, 3) [N/m] and (K_F + K_sigma) u - f_int + M S d (n_elements, n, 3) [N].  Local.
 
     ``free`` and ``held`` (n_elements, n, 3) [m] are the displacements of what is free and of supports that are moved.
     """
