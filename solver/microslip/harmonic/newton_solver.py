@@ -115,6 +115,7 @@ class NewtonSolver:
         wanted = self.needs_preconditioner or (is_small and is_whole)
         if wanted and at.n_rows > 0:
             stays = is_whole and at.n_rows <= LARGEST_AT_LAST
+            self.preconditioner = None  # its memory before that of the new one
             self.preconditioner = (WholeInverse if is_small or stays else of_wide_slip)(at)
             self.needs_preconditioner = False
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -35,9 +37,9 @@ from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import PICKED, diameters_together, memory_of_diameter, memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
-from ..reduction.mistuning import with_static_shapes
+from ..reduction.mistuning import with_first_modes, with_static_shapes
 from ..reduction.stuck import Factored, ModesOf, OnDemand, StuckStructure, static_response
-from ..reduction.whole_disc import WholeDisc, forget_faces, of_all_sectors, with_other_blades
+from ..reduction.whole_disc import WholeDisc, forget_all_faces, of_all_sectors, with_other_blades
 from ..results.whole_disc import turns, whole_mesh
 from ..scene.schema import Scene
 from ..statics.balance import Balance
@@ -321,13 +323,21 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
             "stiffness, density and load differ"
         )
 
-    diameters, tuned = _alike(parts, cyclic, log)
+    alike = tuned = _alike(parts, cyclic, log)
     wave = cyclic.with_keys(whole=False, sector=(), table=None, scatter=None, blades=None)
-    one_sector: PerGroup[StuckStructure] = PerGroup(diameters.of_group, wave.diameter, wave.diameters)
+
+    def of_index(d: int) -> Structure:
+        structure = replace(alike[min(d, cyclic.sectors - d)], groups=one_sector)
+        return structure.of_conjugate(d) if 2 * d > cyclic.sectors else structure
+
+    make: Callable = of_index
+    one_sector: PerGroup[StuckStructure] = PerGroup(make, wave.diameter, wave.diameters)
     blades = None if parts.rest.system.sectors is None else parts.rest.system.sectors.blades
     if factors.changes_blades and blades is not None:
         with log.stage("static shapes of blades that differ"):
-            tuned = [with_static_shapes(each, blades) for each in tuned]
+            shaped = [with_static_shapes(each, blades) for each in tuned]
+        alike = [with_first_modes(each, before.n_modes) for each, before in zip(shaped, tuned)]  # in the same memory
+        tuned = [replace(each, groups=one_sector) for each in shaped]
     assert parts.rest.system.dof is not None, "of a mesh"
     whole = pairs_of_all_sectors(parts.rest.pairs, len(parts.rest.system.dof), cyclic, factors, scene.path)
     leads = np.array([load.harmonic * cyclic.wave_number for load in scene.loads for _ in load.phases])
@@ -336,13 +346,13 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
     if factors.changes_blades and blades is not None:
         with log.stage("modes of blades that differ"):
             fields = with_other_blades(fields, tuned, blades, (factors.stiffness, factors.density))
-    for each in tuned:  # memory of the response
-        forget_faces(each)
+    forget_all_faces(tuned)  # memory of the response
     free(*(blades or ()))
+    gc.collect()  # of the structures before, which refer to each other
     give_back()
     return WholeStructure(
         **fields,
-        alike=replace(diameters.of_group(wave.diameter(1)), groups=one_sector, scene=scene.with_keys(cyclic=wave)),
+        alike=replace(of_index(wave.diameter(1)), scene=scene.with_keys(cyclic=wave)),
         turns=turns(cyclic),
         diameter=min(cyclic.diameter(1), cyclic.diameter(-1)),
         scene=scene,
@@ -351,8 +361,8 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
     )
 
 
-def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> tuple[PerGroup[Structure], list[Structure]]:
-    """Return the structures of a disc of identical sectors, by sector index, and of the diameters 0, 1, ..., N // 2.
+def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> list[Structure]:
+    """Return the structures of a disc of identical sectors, of the diameters 0, 1, ..., N // 2.
 
     Collective.  The modes of several diameters are computed in lockstep.
     """
@@ -387,7 +397,7 @@ def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> tuple[PerGroup[Stru
     for d in range(N // 2 + 1):
         for note in notes[d]:
             log.note(f"nodal diameter {d}: {note}")
-    return diameters, tuned
+    return tuned
 
 
 def _stuck(parts: Assembled, log: RunLog) -> Structure:

@@ -175,6 +175,11 @@ class SectorFactor:
             self._counts[sigma] = _Inertia(self, sigma)
         return self._counts[sigma].count(system)
 
+    def forget(self) -> None:
+        """Free the matrices of proofs and of static columns; they are computed again when needed.  Local."""
+        self._counts.clear()
+        vars(self).pop("_of_joint", None)
+
     @property
     def shifts(self) -> tuple[float, ...]:
         """The shifts that there is a factor for."""

@@ -15,6 +15,11 @@ def split_evenly(n: int, size: int) -> np.ndarray:
     return np.array([n * rank // size for rank in range(size + 1)])
 
 
+def pairs_of_rank(comm: MPI.Comm, n_pairs: int) -> slice:
+    """Return the pairs of this rank among ``n_pairs``.  Local."""
+    return slice(*map(int, split_evenly(n_pairs, comm.size)[comm.rank : comm.rank + 2]))
+
+
 def rows_of(pairs: np.ndarray) -> np.ndarray:
     """Return the three rows of each pair or place ``pairs`` (m,), (3 m,).  Local."""
     return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..parallel.ownership import rows_of
 from .modes import ProjectedModes
 from .static_columns import StaticColumns
 
@@ -29,6 +30,22 @@ class Waves:
     def diameters(self) -> range:
         """The nodal diameters, each once."""
         return range(self.n_sectors // 2 + 1)
+
+    @property
+    def forward(self) -> np.ndarray:
+        """Real and imaginary parts of the transform over the sectors for each diameter, (N // 2 + 1, 2, N)."""
+        turns = 2.0 * np.pi / self.n_sectors * np.outer(self.diameters, np.arange(self.n_sectors))
+        return np.stack([np.cos(turns), -np.sin(turns)], axis=1)
+
+    @property
+    def copies(self) -> np.ndarray:
+        """How many of the N diameters each stands for, 1 or 2: itself, and its conjugate."""
+        return np.array([1.0 if self.is_real(d) else 2.0 for d in self.diameters])
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Factors of the real and imaginary parts for each diameter in the inverse transform, shape as ``forward``."""
+        return self.forward * (self.copies / self.n_sectors)[:, None, None]
 
     def is_real(self, d: int) -> bool:
         """Return whether a diameter is its own conjugate: 0, and half the number of sectors."""
@@ -143,6 +160,43 @@ class CirculantColumns(StaticColumns):
         self._places = (8 * start[:, None] + address).astype(np.intp).reshape(-1, 3)
         self._largest = np.tile(np.abs(blocks).max(axis=(0, 1), initial=0.0).reshape(-1, 3).max(axis=1), N)
         self.known[:] = self.stored[:] = True
+
+    def block(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Return the static receptance between rows (k,) and columns (l,) of all sectors, (k, l) [m/N].  Local."""
+        (of_sector_0,) = self._held
+        n, N = len(of_sector_0), of_sector_0.shape[1] // 2
+        between = rows // n - columns[:, None] // n + N  # N to 2 N - 1 sectors and those before: stored twice
+        block: np.ndarray = of_sector_0[columns[:, None] % n, between, rows % n].T
+        return block
+
+
+class ColumnsOfOtherModes(StaticColumns):
+    """G_static of a disc whose modes are combinations of the tuned modes, eq. (17.6); columns on demand, blocks without them.
+
+    Parameters
+    ----------
+    truncated : G_static of the tuned disc without the part of its modes
+    modes : of the disc
+    owned : the rows of the pairs of this rank, among those of all sectors
+    """
+
+    def __init__(self, truncated: CirculantColumns, modes: ProjectedModes, owned: slice):
+        self._truncated, self._modes, self._owned = truncated, modes, owned
+        super().__init__(len(truncated.known), truncated.n_owned, self._columns_of, grows=False)
+
+    def _columns_of(self, pairs: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the columns of pairs."""
+        total: np.ndarray = self._truncated.transposed(pairs).T + self._of_modes(self._owned, rows_of(pairs))
+        return total
+
+    def block(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Return the static receptance as :meth:`CirculantColumns.block`.  Local."""
+        return self._truncated.block(rows, columns) + self._of_modes(rows, columns)
+
+    def _of_modes(self, rows: np.ndarray | slice, columns: np.ndarray) -> np.ndarray:
+        """Return the part of the modes between rows and columns."""
+        R_phi, omega_n = self._modes.R_phi, self._modes.omega_n
+        return R_phi[rows] @ (R_phi[columns] / omega_n**2).T
 
 
 def _no_solve(pairs: np.ndarray) -> np.ndarray:

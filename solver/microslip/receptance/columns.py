@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..fourier.amplitudes import adjoint_times, matrix_times, to_complex, to_real
 from ..parallel.ownership import rows_of
 from ._row_products import answer
+from .circulant import CirculantColumns, ColumnsOfOtherModes
 from .damping import Damping, Flexibility
 from .reduced_model import HarmonicGroup, ReducedModel
 from .rows import Rows
 from .static_columns import ChosenColumns
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 
 class GroupColumns:
@@ -89,12 +86,11 @@ class GroupColumns:
 
 
 class SectorColumns(GroupColumns):
-    """Columns of G_n of a whole disc, multiplied by transforms over its sectors.  Products are collective on ``comm``."""
+    """Columns of G_n of a whole disc, multiplied by transforms over its sectors.  Products are collective."""
 
-    def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice, comm: MPI.Comm):
+    def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
         assert group.receptance.sectors is not None, "a whole disc"
         self.products, self.rows_active, self.rows_owned = group.receptance.sectors, rows_of(active), owned
-        self.comm = comm
         super().__init__(group, c, active, owned)
 
     def _largest_static(self) -> float:
@@ -102,8 +98,9 @@ class SectorColumns(GroupColumns):
 
     def static_block(self, part: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Return G_static as the base class, without static columns."""
-        flexible = self.R_owned[rows] @ (self.R_active[part] / self.products.squares).T
-        return self.products.static_block(self.rows_owned.start + rows, self.rows_active[part]) + flexible
+        static = self.group.receptance.static.G_static
+        assert isinstance(static, (CirculantColumns, ColumnsOfOtherModes)), "a whole disc"
+        return static.block(self.rows_owned.start + rows, self.rows_active[part])
 
     def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
         """Return the part of the modes as the base class."""
@@ -115,17 +112,15 @@ class SectorColumns(GroupColumns):
 
     def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
         """Return this rank's part of G^H x as the base class: that of its diameters."""
-        c, motions = (
-            self.products.flexibility(self.c.adjoint()),
-            np.concatenate(self.comm.allgather(x)),
-        )  # rank order is row order
-        return self.products.unit * self.products.apply(motions, c, self.comm, is_part=True)[self.rows_active]
+        c = self.products.flexibility(self.c.adjoint())
+        motions = np.concatenate(self.products.comm.allgather(x))  # rank order is row order
+        return self.products.unit * self.products.apply(motions, c, is_part=True)[self.rows_active]
 
     def _moved(self, p: np.ndarray, c: Flexibility, of_modes_only: bool = False) -> np.ndarray:
         """Return the motion of this rank's rows under forces on the active pairs."""
         forces = np.zeros((self.products.n_rows, p.shape[1]))
         forces[self.rows_active] = p
-        return self.products.unit * self.products.apply(forces, c, self.comm, of_modes_only)[self.rows_owned]
+        return self.products.unit * self.products.apply(forces, c, of_modes_only)[self.rows_owned]
 
 
 def _group_columns(
@@ -135,7 +130,7 @@ def _group_columns(
     sectors, m = group.receptance.sectors, len(group.receptance.modes.omega_n)
     n_dense = _n_products(3 * len(active), 3 * model.n_pairs // model.comm.size, m)  # the same on all ranks
     if sectors is not None and (for_blocks or sectors.n_products(model.comm.size) < n_dense):
-        return SectorColumns(group, c, active, model.owned_rows, model.comm)
+        return SectorColumns(group, c, active, model.owned_rows)
     return GroupColumns(group, c, active, model.owned_rows)
 
 
@@ -331,7 +326,7 @@ class _SectorsGroup:
     def __init__(self, groups: list[GroupColumns], rows: np.ndarray, unit: float, precision: type):
         (G,) = groups
         assert isinstance(G, SectorColumns)
-        self.coefficients, self.products, self.comm = G.group.columns, G.products.in_precision(precision), G.comm
+        self.coefficients, self.products = G.group.columns, G.products.in_precision(precision)
         self.rows_active, self.rows_owned = G.rows_active, G.rows_owned.start + rows
         self.scale = precision(G.products.unit / unit)
 
@@ -344,7 +339,7 @@ class _SectorsGroup:
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         forces = np.zeros((self.products.n_rows, len(p), p.shape[2]), dtype=self.products.Y.dtype)
         forces[self.rows_active] = p.swapaxes(0, 1)
-        return self.scale * self.products.apply(forces, self.flexibility, self.comm)[self.rows_owned].swapaxes(0, 1)
+        return self.scale * self.products.apply(forces, self.flexibility)[self.rows_owned].swapaxes(0, 1)
 
 
 class _RealGroup:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 class SectorProducts:
     """G_n of the pairs of all sectors, applied to forces on all of them: the cost does not depend on the number of forces.
 
-    Forces are without unit, motions in ``unit``.
+    Forces are without unit, motions in ``unit``.  Products are collective on ``comm``; a rank stores A' of its diameters.
 
     Parameters
     ----------
@@ -40,6 +39,7 @@ class SectorProducts:
 
     def __init__(
         self,
+        comm: MPI.Comm,
         waves: Waves,
         G: Sequence[np.ndarray],
         R_phi: Sequence[np.ndarray],
@@ -48,21 +48,22 @@ class SectorProducts:
         squares: np.ndarray,
     ):
         N, n_rows, m = waves.n_sectors, len(G[0]), max(R.shape[1] for R in R_phi)
-        D, self.n_sectors, self.squares = len(waves.diameters), N, squares
+        D, self.comm, self.n_sectors, self.squares = len(waves.diameters), comm, N, squares
+        first, last = (int(d) for d in split_evenly(D, comm.size)[comm.rank : comm.rank + 2])
+        self.owned = slice(first, last)
         self.unit = max(float(np.abs(each).max(initial=0.0)) for each in G) or 1.0  # m/N
         self.R_unit = max(float(np.abs(R).max(initial=0.0)) for R in R_phi) or 1.0  # kg^-1/2
-        turns = 2.0 * np.pi / N * np.outer(waves.diameters, np.arange(N))
-        once = np.array([1.0 if waves.is_real(d) else 2.0 for d in waves.diameters])  # a diameter and its conjugate
-        self.forward = np.stack([np.cos(turns), -np.sin(turns)], axis=1)  # (D, 2, N), real and imaginary parts
-        self.backward = (self.forward * once[:, None, None] / N).transpose(2, 0, 1)  # (N, D, 2)
-        self.columns = np.zeros((D, n_rows + m, n_rows), dtype=complex)  # A'(d), then phi^H
+        self.forward, self.backward, copies = waves.forward, waves.inverse.transpose(2, 0, 1), waves.copies
+        self.columns = np.zeros((last - first, n_rows + m, n_rows), dtype=complex)  # A'(d), then phi^H
         self.R = np.zeros((D, n_rows, m), dtype=complex)  # w_d phi_d
         self.Y = np.zeros((D, 2, m, len(X)))  # of real and imaginary parts
         ends = np.cumsum([0, *waves.counts([R.shape[1] for R in R_phi])])
         for d, (of_d, R, omega) in enumerate(zip(G, R_phi, omega_n)):
-            k, rows, root = R.shape[1], X[ends[d] : ends[d + 1]], np.sqrt(once[d] / N)
-            self.columns[d, :n_rows] = (of_d - (R / omega**2) @ R.conj().T) / self.unit
-            self.columns[d, n_rows : n_rows + k], self.R[d, :, :k] = R.conj().T / self.R_unit, R * (N / once[d] / self.R_unit)
+            k, rows, root = R.shape[1], X[ends[d] : ends[d + 1]], np.sqrt(copies[d] / N)
+            if first <= d < last:
+                self.columns[d - first, :n_rows] = (of_d - (R / omega**2) @ R.conj().T) / self.unit
+                self.columns[d - first, n_rows : n_rows + k] = R.conj().T / self.R_unit
+            self.R[d, :, :k] = R * (N / copies[d] / self.R_unit)
             self.Y[d, 0, :k] = root * rows[:k]
             self.Y[d, 1, : len(rows) - k] = -root * rows[k:]
         self._in_single: SectorProducts | None = None
@@ -74,8 +75,9 @@ class SectorProducts:
 
     def n_products(self, n_ranks: int) -> int:
         """Return the number of real products of a rank for each column of forces."""
-        n_all = 4 * (self.columns.size + self.R.size) + 2 * self.Y.size + 2 * self.forward.size * self.columns.shape[2]
-        return n_all * -(-len(self.R) // n_ranks) // len(self.R)
+        D, n_rows, m = self.R.shape
+        n_all = 4 * (D * (n_rows + m) * n_rows + self.R.size) + 2 * self.Y.size + 2 * self.forward.size * n_rows
+        return n_all * -(-D // n_ranks) // D
 
     def in_precision(self, precision: type) -> SectorProducts:
         """Return the same products in single or double precision; a copy in single precision is made once."""
@@ -87,17 +89,6 @@ class SectorProducts:
                 setattr(self._in_single, name, getattr(self, name).astype(kind))
         return self._in_single
 
-    def static_block(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return the static receptance without the part of the modes, (k, l) [m/N], between rows (k,) and (l,) of all sectors."""
-        n = self.R.shape[1]
-        between = (rows[:, None] // n - columns // n) % self.n_sectors
-        return self._blocks[between, rows[:, None] % n, columns % n]
-
-    @cached_property
-    def _blocks(self) -> np.ndarray:
-        """A' from sector t to sector t + k, (N, 3 n, 3 n) [m/N]."""
-        return self.unit * Waves(self.n_sectors).blocks(list(self.columns[:, : self.R.shape[1]]))
-
     def flexibility(self, c: Flexibility) -> Flexibility:
         """Return D_n^-1 without unit, from c_n, which is D_n^-1 - Omega^-2."""
         static = np.diag(1.0 / self.squares) if c.couples_modes else 1.0 / self.squares[:, None]
@@ -107,27 +98,24 @@ class SectorProducts:
         """Return a rate of D_n^-1, which is that of c_n, without unit."""
         return Flexibility(rate.c * (self.R_unit * (self.R_unit / self.unit)))
 
-    def apply(
-        self, p: np.ndarray, flexibility: Flexibility, comm: MPI.Comm, of_modes_only: bool = False, is_part: bool = False
-    ) -> np.ndarray:
+    def apply(self, p: np.ndarray, flexibility: Flexibility, of_modes_only: bool = False, is_part: bool = False) -> np.ndarray:
         """Return the motions of all pairs in ``unit``, (3 n N, ..., N_H), under forces p (3 n N, ..., N_H): eq. (17.7).
 
-        Collective on ``comm``, whose ranks have the same forces: two sums.  ``flexibility`` is that of the combined modes,
-        without unit; only their part of G_n is applied if ``of_modes_only``.  With ``is_part`` the sum over the ranks is the
-        motion.
+        Collective: two sums; the ranks have the same forces.  ``flexibility`` is that of the combined modes, without unit; only
+        their part of G_n is applied if ``of_modes_only``.  With ``is_part`` the sum over the ranks is the motion.
         """
-        (D, n_rows, _), N = self.R.shape, self.n_sectors
-        first, owned = n_rows if of_modes_only else 0, slice(*split_evenly(D, comm.size)[comm.rank : comm.rank + 2])
+        n_rows, N, owned = self.R.shape[1], self.n_sectors, self.owned
+        first = n_rows if of_modes_only else 0
         forces = p.reshape(N, n_rows, -1).swapaxes(1, 2)  # in rows: products with a few rows are twice as fast as with columns
         parts = (self.forward[owned].reshape(-1, N) @ forces.reshape(N, -1)).reshape(-1, 2, forces.shape[1], n_rows)
-        product = _complex(parts, self.R.dtype) @ self.columns[owned, first:].swapaxes(1, 2)
+        product = _complex(parts, self.R.dtype) @ self.columns[:, first:].swapaxes(1, 2)
         motion, q = product[..., : n_rows - first], product[..., n_rows - first :]
         q_owned = _parts(q).transpose(2, 0, 1, 3).reshape(q.shape[1], -1)
-        modal = _total(comm, q_owned @ self.Y[owned].reshape(-1, len(self.squares)))
+        modal = _total(self.comm, q_owned @ self.Y[owned].reshape(-1, len(self.squares)))
         eta = flexibility.apply(modal.T.reshape(-1, *p.shape[1:])).astype(self.Y.dtype, copy=False)
         moved = self._moved(eta.reshape(modal.T.shape), owned)
         of_owned = self._in_sectors(moved if of_modes_only else motion + moved, owned).reshape(p.shape)
-        return of_owned if is_part else _total(comm, of_owned)
+        return of_owned if is_part else _total(self.comm, of_owned)
 
     def of_modes(self, eta: np.ndarray) -> np.ndarray:
         """Return R phi eta of all pairs, (3 n N, k) [m], for coordinates eta (M, k) of the modes of the disc.  Local."""

@@ -18,7 +18,7 @@ from .modal_structure import damping_beyond, reduce_structure, stuck_receptance
 from .reduction import Reduction
 from .settings import ModalDamping, ReductionSettings
 from .stuck import StuckStructure, owned_product, projection_rows
-from .whole_disc import WholeDisc, truncated_of_all
+from .whole_disc import WholeDisc, forget_all_faces, truncated_of_all
 
 
 def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: ReductionSettings) -> EnrichedModel:
@@ -35,8 +35,13 @@ def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: Red
         key = "truncated modes", of_group.projected, of_group.n_modes, damping
         receptance = stuck_receptance(of_group, damping)
         if isinstance(of_group, WholeDisc):
-            return of_group.once(key, lambda: truncated_of_all(of_group, list(map(truncated_of, of_group.tuned)), receptance))
+            return of_group.once(key, lambda: of_all(of_group, receptance))
         return of_group.once(key, lambda: truncated_modes(of_group, receptance, damping))
+
+    def of_all(disc: WholeDisc, receptance: Receptance) -> TruncatedModes | None:
+        parts = list(map(truncated_of, disc.tuned))
+        forget_all_faces(disc.tuned)
+        return truncated_of_all(disc, parts, receptance)
 
     truncated: PerGroup[TruncatedModes | None] = stuck.per_group.mapped(truncated_of)
     truncated.of(1)

@@ -17,14 +17,13 @@ import scipy.sparse as sp
 
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..messages.errors import CaseError
-from ..modes.eigen import Modes
+from ..modes.eigen import Modes, first_of
 from ..parallel.agree import on_root
-from ..parallel.ownership import rows_of, summed
-from ..receptance.circulant import Waves
+from ..parallel.ownership import summed
+from ..receptance.circulant import ColumnsOfOtherModes, Waves
 from ..receptance.modes import ProjectedModes
-from ..receptance.static_columns import StaticColumns
 from ..receptance.static_response import StaticResponse
-from .stuck import StuckStructure
+from .stuck import OnDemand, StuckStructure
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -66,6 +65,18 @@ def with_static_shapes(stuck: Stuck, blades: tuple[PETSc.Mat, PETSc.Mat]) -> Stu
     info = {**stuck.modes.info, "complete": False, "proved": stuck.modes.n_proved}
     phi_owned = np.asfortranarray(np.hstack([phi_owned, motions @ X]))
     return stuck.with_modes(Modes(np.append(stuck.omega_n, np.sqrt(squares)), phi_owned, info))
+
+
+def with_first_modes(stuck: Stuck, n_modes: int) -> Stuck:
+    """Return the structure with its first modes only, as views of their arrays.  Collective if they must be computed first."""
+    factored = stuck.factored()
+    return replace(
+        stuck,
+        projected=stuck.projected.first(n_modes),
+        n_modes=n_modes,
+        n_proved=min(stuck.n_proved, n_modes),
+        factored=OnDemand.of(replace(factored, modes=first_of(factored.modes, n_modes))),
+    )
 
 
 def _ritz(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -164,25 +175,21 @@ def _in_sector(waves: Waves, n_modes: Sequence[int], s: int) -> sp.csr_matrix:
     return sp.block_diag(blocks, format="csr")
 
 
-def with_modes_changed(static: StaticResponse, modes: ProjectedModes, dF: np.ndarray, owned: slice) -> StaticResponse:
-    """Return a static response with the contribution of some modes changed, eq. (17.6); static columns on demand.  Local.
+def with_modes_changed(
+    static: StaticResponse, modes: ProjectedModes, dF: np.ndarray, G_static: ColumnsOfOtherModes
+) -> StaticResponse:
+    """Return a static response with the contribution of some modes changed, eq. (17.6).  Local.
 
-    ``dF`` (M, M) is the change of their flexibility, real and symmetric; ``owned`` are the rows of the pairs of this rank.
+    ``dF`` (M, M) is the change of their flexibility, real and symmetric; ``G_static`` are the changed static columns.
     """
 
     def exchanged(left: str, right: str) -> np.ndarray:
         product: np.ndarray = np.linalg.multi_dot([_rows(modes, left), dF, _rows(modes, right).T])
         return product
 
-    G, moved_by_modes = static.G_static, modes.R_phi[owned] @ dF
-
-    def columns(pairs: np.ndarray) -> np.ndarray:
-        total: np.ndarray = G.transposed(pairs).T + moved_by_modes @ modes.R_phi[rows_of(pairs)].T
-        return total
-
     return replace(
         static,
-        G_static=StaticColumns(len(G.known), G.n_owned, columns, grows=False),
+        G_static=G_static,
         du_static=static.du_static + exchanged("R_phi", "b"),
         out_static=static.out_static + exchanged("o", "b"),
         out_R=static.out_R + exchanged("o", "R_phi"),

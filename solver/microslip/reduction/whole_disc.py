@@ -6,18 +6,19 @@ sector; the sectors of a DOF are consecutive.  docs/theory.md, section 17.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg.blas import dgemm
 
 from ..assembly.sectors import AllSectors
 from ..fourier.harmonics import Harmonics
 from ..linear.sector_factor import DiameterFactor
 from ..mesh.data import ContactPairs
-from ..parallel.ownership import rows_of, split_evenly
-from ..receptance.circulant import CirculantColumns, Waves
+from ..parallel.ownership import pairs_of_rank, rows_of
+from ..receptance.circulant import CirculantColumns, ColumnsOfOtherModes, Waves
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.modes import ProjectedModes
 from ..receptance.motions import ActingForces, linear_motion
@@ -140,8 +141,10 @@ def with_other_blades(
     of_before = fields["of_tuned"].T @ X
     after = in_coordinates(projected, omega_n, of_before)
     dF = (of_before / omega_n**2) @ of_before.T - np.diag(projected.omega_n**-2.0)
-    first, last = (3 * int(pair) for pair in split_evenly(fields["pairs"].n_pairs, comm.size)[comm.rank : comm.rank + 2])
-    statics = with_modes_changed(fields["statics"], projected, dF, slice(first, last))
+    pairs = pairs_of_rank(comm, fields["pairs"].n_pairs)
+    truncated = CirculantColumns(waves.blocks([_truncated_columns(each) for each in tuned]), pairs)
+    G_static = ColumnsOfOtherModes(truncated, after, slice(3 * pairs.start, 3 * pairs.stop))
+    statics = with_modes_changed(fields["statics"], projected, dF, G_static)
     return {**fields, "projected": after, "statics": statics, "of_tuned": X, "has_other_blades": True}
 
 
@@ -165,10 +168,9 @@ def _statics(tuned: Sequence[StuckStructure], waves: Waves, weights: np.ndarray)
     statics, comm = [each.statics for each in tuned], tuned[0].comm
     columns = [_all_columns(each) for each in tuned]
     n_pairs = waves.n_sectors * len(columns[0]) // 3
-    first, last = (int(pair) for pair in split_evenly(n_pairs, comm.size)[comm.rank : comm.rank + 2])
     loads = [_twice(each.load_static) for each in statics]
     return StaticResponse(
-        G_static=CirculantColumns(waves.blocks(columns), slice(first, last)),
+        G_static=CirculantColumns(waves.blocks(columns), pairs_of_rank(comm, n_pairs)),
         du_static=waves.response([_twice(each.du_static) for each in statics], weights),
         out_static=waves.response([_twice(each.out_static) for each in statics], weights),
         out_R=waves.dense([each.out_R for each in statics]),
@@ -181,6 +183,13 @@ def _all_columns(stuck: StuckStructure) -> np.ndarray:
     """Return G_static of all pairs of a sector, (3 n, 3 n), on every rank.  Collective."""
     owned = stuck.statics.G_static.transposed(np.arange(stuck.pairs.n_pairs)).T
     return np.concatenate(stuck.comm.allgather(owned))  # rank order is row order
+
+
+def _truncated_columns(stuck: StuckStructure) -> np.ndarray:
+    """Return G_static of all pairs of a sector without the part of the modes in use, on every rank.  Collective."""
+    R_phi = stuck.projected.R_phi[:, : stuck.n_modes]
+    columns: np.ndarray = _all_columns(stuck) - (R_phi / stuck.omega_n**2) @ R_phi.conj().T
+    return columns
 
 
 def _observed(of_sector: Observed | None, N: int, n_loads: int) -> Observed | None:
@@ -212,7 +221,7 @@ def sector_products(disc: WholeDisc, omega_n: np.ndarray) -> SectorProducts:
     modes = [each.projected.first(each.n_modes) for each in disc.tuned]
     R_phi, tuned_omega_n = [each.R_phi for each in modes], [each.omega_n for each in modes]
     columns = [_all_columns(each) for each in disc.tuned]
-    return SectorProducts(disc.waves, columns, R_phi, tuned_omega_n, disc.of_tuned, omega_n**2)
+    return SectorProducts(disc.comm, disc.waves, columns, R_phi, tuned_omega_n, disc.of_tuned, omega_n**2)
 
 
 # -- error bars ----------------------------------------------------------------------------------------------------
@@ -258,13 +267,24 @@ _ARRAYS = ("of_pairs", "of_outputs", "of_loads", "direct", "drive_point")
 def displacements(disc: WholeDisc, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
     """Return the harmonics of u of all sectors on this rank's rows at some points, (n_owned N, N_H) each [m].
 
-    Collective: for each nodal diameter, as many static solves as a point has coefficients.
+    Collective: for each nodal diameter, as many static solves as the points have coefficients, all at once.
     """
-    return [_displacement(disc, model.with_harmonics(Harmonics.full(point.p.shape[-1])), point) for point in points]
+    N, n_owned = disc.waves.n_sectors, len(disc.tuned[0].modes.phi_owned)
+    spectra = [_spectrum(disc, model.with_harmonics(Harmonics.full(point.p.shape[-1])), point) for point in points]
+    fields = [np.zeros((point.p.shape[-1], n_owned, N)) for point in points]
+    for each, back, *of_points in zip(disc.tuned, disc.waves.inverse, *spectra):
+        forces = [each.load_forces(f) - each.pair_forces(p) for f, p, _ in of_points]
+        moved = each.solve(np.hstack(forces)) + each.modes.phi_owned @ np.hstack([eta for *_, eta in of_points])
+        forget_faces(each)
+        columns = iter(moved.T)
+        for field in fields:
+            for of_sectors, u_d in zip(field, columns):
+                dgemm(1.0, back.T, np.array([u_d.real, u_d.imag]), 1.0, of_sectors.T, overwrite_c=True)
+    return [field.reshape(len(field), -1).T for field in fields]
 
 
-def _displacement(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:
-    """Return the harmonics of u on this rank's rows at one point, (n_owned N, N_H) [m].  Collective."""
+def _spectrum(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return loads (n_loads, N_H), forces of the pairs, and coordinates of the modes for each nodal diameter.  Collective."""
     waves, N, N_H = disc.waves, disc.waves.n_sectors, model.N_H
     f, p = point.level * model.f, point.p + _forces_of_other_springs(disc, model, point)
     updates = model.spring_updates
@@ -277,15 +297,7 @@ def _displacement(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> 
         eta = eta + static_share - _tuned_share(disc, f, p)
     of_sectors = (disc.weights[:, :, None] * f).reshape(N, -1, 2, N_H).sum(axis=2)
     f_d, p_d = np.fft.rfft(of_sectors, axis=0), np.fft.rfft(p.reshape(N, -1, N_H), axis=0)
-    fields = []
-    for each, f_each, p_each, eta_each in zip(disc.tuned, f_d, p_d, waves.spectrum(eta, [each.n_modes for each in disc.tuned])):
-        static = each.solve(each.load_forces(f_each) - each.pair_forces(p_each))
-        fields.append(static + each.modes.phi_owned @ eta_each)
-        forget_faces(each)
-    u: np.ndarray = np.empty((N * len(fields[0]), N_H))
-    for k in range(N_H):  # memory: rows are those of all sectors
-        u[:, k] = np.fft.irfft(np.array([field[:, k] for field in fields]), n=N, axis=0).T.ravel()
-    return u
+    return zip(f_d, p_d, waves.spectrum(eta, [each.n_modes for each in disc.tuned]))
 
 
 def forget_faces(stuck: StuckStructure) -> None:
@@ -293,6 +305,14 @@ def forget_faces(stuck: StuckStructure) -> None:
     solver = stuck.factor.solver
     if isinstance(solver, DiameterFactor):
         solver.forget()
+
+
+def forget_all_faces(disc: Sequence[StuckStructure]) -> None:
+    """Free the same of all nodal diameters, and what they share for proofs and static columns.  Collective if as above."""
+    for stuck in disc:
+        forget_faces(stuck)
+        if isinstance(stuck.factor.solver, DiameterFactor):
+            stuck.factor.solver.of_sector.forget()
 
 
 def _forces_of_other_springs(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:
