@@ -39,7 +39,9 @@ def block_lanczos() -> type:
     module.__package__ = "microslip.modes"
     exec(compile(source, LANCZOS, "exec"), module.__dict__)
 
-    class BlockLanczos(module.BlockLanczos):
+    earlier: Any = module.__dict__["BlockLanczos"]
+
+    class BlockLanczos(earlier):
         """The class with the interface of ``ModeSearch``: products of the modes with K_L and M are not known."""
 
         def lowest(self, n_wanted: int) -> tuple:

@@ -163,7 +163,7 @@ class CirculantColumns(StaticColumns):
 
     def block(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return the static receptance between rows (k,) and columns (l,) of all sectors, (k, l) [m/N].  Local."""
-        (of_sector_0,) = self._held
+        (of_sector_0,) = self._blocks
         n, N = len(of_sector_0), of_sector_0.shape[1] // 2
         between = rows // n - columns[:, None] // n + N  # N to 2 N - 1 sectors and those before: stored twice
         block: np.ndarray = of_sector_0[columns[:, None] % n, between, rows % n].T
