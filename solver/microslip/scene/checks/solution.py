@@ -99,7 +99,7 @@ def peaks(scene: Scene) -> list[str]:
     if where is None:
         return []
     if scene.is_static:
-        return [f"{where}: with harmonics = 0 nothing vibrates, and there is no peak; leave peaks out"]
+        return [f"{where}: with harmonics = 0 nothing vibrates, and there is no peak; leave {where.split(' = ')[0]} out"]
     if scene.solver.method in ("adaptive", "adaptive-energy"):
         return [f'{where}: method = "{scene.solver.method}" selects its pairs at the previous point; take "receptance"']
     return []
@@ -122,7 +122,7 @@ def over(scene: Scene) -> list[str]:
         elif over.key in ("damping", "damping.ratio"):
             mistakes += [f"{where} key: {problem}" for problem in _of_damping(scene, over.key)]
         elif scene.statics is not None:
-            mistakes.append(f"{where} key: with [statics] the state of rest depends on {over.key}; follow peaks over the level")
+            mistakes.append(f"{where} key: with [statics] the state of rest depends on {over.key}; take level or damping")
     return mistakes
 
 

@@ -66,7 +66,7 @@ def description(
         *content.table("equations", [] if mesh.equations is None else [f"{len(mesh.equations.where)} of the file"]),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
-        *_joints(pairs),
+        *_joints(scene, pairs),
         *(f"           {note}" for note in (*pairs.notes, *notes_on_sectors(scene.cyclic, scene.path), *whole.notes)),
         *_bolts(mesh, scene),
         *(
@@ -134,7 +134,7 @@ def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
         f"scene      {scene.source}: no fault found",
         f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
         *(f"           {note}" for note in given.notes),
-        *_joints(given.pairs),
+        *_joints(scene, given.pairs),
         *(f"load {i}     {_load_on_dofs(load)}, harmonic {load.harmonic}" for i, load in enumerate(scene.loads, 1)),
         *(f"output     {output.name}: {_output_on(output, _place_of(output))}" for output in scene.outputs),
         *_solution(scene, given.n_dof, given.pairs.n_pairs),
@@ -194,16 +194,15 @@ def _mode_across_gaps(scene: Scene, pairs: ContactPairs) -> list[str]:
     return [f"           WARNING: mode = {mode} counts with {closed}; a run states its frequency with them open"]
 
 
-def _joints(pairs: ContactPairs) -> list[str]:
-    lines = []
+def _joints(scene: Scene, pairs: ContactPairs) -> list[str]:
+    by_statics, lines = {joint.name for joint in scene.joints if joint.preload == "static"}, []
     for name, of_joint in pairs.by_joint().items():
         N0, area = pairs.N0[of_joint], pairs.area[of_joint].sum()
         where = f" on {area:.6g} m2" if np.isfinite(area) else ""  # matrices come without areas
         law = "" if pairs.laws[of_joint][0] == ELASTIC_COULOMB else f', law "{pairs.laws[of_joint][0]}"'
-        lines.append(
-            f"joint      {name}: {counted(len(of_joint), 'pair')}{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
-            f"{np.count_nonzero(N0 < 0)} with a gap"
-        )
+        preload = "computed by [statics]" if name in by_statics else f"{N0[N0 > 0].sum():.4g} N in all"
+        gaps = f"{np.count_nonzero(N0 < 0)} with a gap"
+        lines.append(f"joint      {name}: {counted(len(of_joint), 'pair')}{where}{law}, normal preload {preload}, {gaps}")
     return lines
 
 

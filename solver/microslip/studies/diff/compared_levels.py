@@ -64,6 +64,11 @@ class LevelDifference:
         return bool(self.outputs) and all(output.inside_bars is True for output in self.outputs)
 
     @property
+    def is_disjoint(self) -> bool:
+        """Whether the frequency ranges have nothing in common."""
+        return self.ends is not None and have_no_overlap(*self.ends)
+
+    @property
     def is_whole(self) -> bool:
         """Whether both curves are complete and cover the same range."""
         return self.status == (COMPLETE, COMPLETE) and self.ends is None and min(self.n_points) > 0
@@ -81,7 +86,9 @@ def compare_level(
     n = len(a.frequency), len(b.frequency)
     differences: list[OutputDifference] = []
     same, is_whole = _has_same_points(a, b, shown), True
-    if min(n):
+    if min(n) and have_no_overlap(_range(a), _range(b)):
+        is_whole = False
+    elif min(n):
         for name, unit, i, j in outputs:
             output, whole = _compare_output(_Output(a, i, shown), _Output(b, j, shown), same, name, unit)
             differences.append(output)
@@ -240,6 +247,11 @@ def _top_between(curve: Curve, side: _Output, width: float, scale: float) -> tup
 
 def _range(level: LevelResult) -> tuple[float, float]:
     return float(level.frequency.min()), float(level.frequency.max())
+
+
+def have_no_overlap(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    """Return whether two ranges have nothing in common.  Local."""
+    return max(a[0], b[0]) > min(a[1], b[1])
 
 
 def _at(values: np.ndarray, i: int) -> float:

@@ -60,11 +60,14 @@ def verdict(comparison: Difference) -> str:
     text = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
     if not comparison.levels:
         return "different: no common level"
+    if all(level.is_disjoint for level in comparison.levels):
+        return "different: no common frequency at any level"
     if comparison.is_same:
         return f"the same: {text}{_by(comparison)}"
     why = [
         *(f"{', '.join(names)} in {side} only" for side, names in zip("AB", comparison.only) if names),
         *(f"{side} is not complete" for side in comparison.incomplete),
+        *(f"no common frequency at {level.level:g} {level.unit}" for level in comparison.levels if level.is_disjoint),
     ]
     if all(map(comparison.is_level_same, comparison.levels)):
         ranges = [] if why else ["the frequency ranges differ"]
@@ -183,9 +186,8 @@ def _notes(comparison: Difference) -> str:
                 lines.append(f"{name}: {side} {how} ({counted(n, 'point')})")
         if level.ends is not None:
             (low_a, high_a), (low_b, high_b) = level.ends
-            lines.append(
-                f"{name}: A from {low_a:.6g} to {high_a:.6g} Hz, B from {low_b:.6g} to {high_b:.6g} Hz; compared in the overlap"
-            )
+            how = "no common frequency" if level.is_disjoint else "compared in the overlap"
+            lines.append(f"{name}: A from {low_a:.6g} to {high_a:.6g} Hz, B from {low_b:.6g} to {high_b:.6g} Hz; {how}")
         if level.beyond < _RESOLVED * level.difference:
             lines.append(
                 f"{name}: different points; beyond their resolution the curves differ by {_percent(level.beyond)} % of the peak"

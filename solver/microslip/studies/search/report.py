@@ -51,7 +51,7 @@ def write_search(result: Search, scene: Titled, folder: Path) -> str:
 
 def record(result: Search, solution: SolutionAt) -> dict[str, Any]:
     """Return a solution by the names of the columns of search.csv."""
-    columns: dict[str, Any] = {}
+    columns: dict[str, Any] = {"frequency_Hz": result.frequency, "level": result.level}
     for name, unit, size, phase in zip(result.outputs, result.units, solution.amplitude, solution.phase):
         columns |= {f"{name}_{unit}": float(size), f"{name}_phase_rad": float(phase)}
     stable = float("nan") if solution.stable is None else int(solution.stable)
