@@ -68,7 +68,7 @@ def summary(outcomes: list) -> list[str]:
         ("defects", 0, counts[DEFECT]),
         ("points judged from the matrices alone", "", sum(outcome.n_points for outcome in outcomes)),
         ("points with the mean slip held by springs", "", sum(outcome.held for outcome in outcomes)),
-        ("cases with a level that was followed from both ends", "", sum(outcome.in_segments for outcome in outcomes)),
+        ("cases with a level that was followed more than once", "", sum(outcome.in_segments for outcome in outcomes)),
     ]
     return table(("what", "target", "result"), [tuple(map(str, row)) for row in rows])
 

@@ -50,7 +50,7 @@ class Outcome:
     errors: dict[str, float] = field(default_factory=dict)  # the largest of each kind over the points
     expectation: float = 0.0  # error relative to the expectation of the case
     held: int = 0  # points with the mean slip held
-    in_segments: bool = False  # a level was completed from the other end of its range
+    in_segments: bool = False  # a level was completed by a second or third segment
     seconds: float = 0.0
     cpu: float = 0.0  # processor time [s]
 
