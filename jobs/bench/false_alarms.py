@@ -5,9 +5,9 @@
 Draws random systems (tests/verification/random_structures.py) until this number of points is judged: 2 to 12 degrees of freedom,
 1 to 4 pairs, by default with levels at which pairs open.  Time integration from each point reaches a steady state, the solution
 of the full equations near the point; if it is far away, further integrations start from solutions with 15 harmonics, and the
-nearest steady state counts.  A false alarm is a warning at a point with an error below 1 % of the peak.  A missed point has an
-error above 1.5 bars and above 1 % of the peak without a warning.  Points beside a fold and points without a steady state are
-counted separately.
+nearest steady state counts.  Errors, bars and amplitudes are relative to the peak.  A false alarm is a warning at a point with an
+error below 1 % of the peak.  A missed point has an error above 1.5 bars and above 1 % of the peak without a warning.  Points
+beside a fold and points without a steady state are counted separately.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def main() -> None:
             if FAR in point.notes or what == "missed" or any("judged from" in of for of in point.kinds):
                 print(
                     f"system {number}, level {point.level:.4g}, omega {point.omega:.6g}: {what}, error {point.error:.1e}, "
-                    f"bar {point.bar:.1e}, {', '.join(point.kinds)}",
+                    f"bar {point.bar:.1e}, amplitude {abs(result.amplitudes[i]):.2g}, {', '.join(point.kinds)}",
                     flush=True,
                 )
         number += 1

@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..contact.law import STICK
+from ..error_estimate.correction import FAR as FAR_AWAY
 from ..error_estimate.correction import parts_of_corrected
-from ..error_estimate.estimate import ErrorEstimator
+from ..error_estimate.estimate import ErrorEstimator, extended
 from ..fourier.harmonics import Harmonics
+from ..messages.errors import ConvergenceError
 from ..points.branch import Point
+from ..points.error_parts import PARTS, total
 from .accuracy import Accuracy, Memory, Resolution
 from .constraint_rows import Plane
 from .corrector import Correction
 from .iterate import PointState
-from .point_record import Unbalanced, point_record, with_sensitivities, with_stability
-from .point_solver import PointSolver, Solution
+from .point_record import FAR, Unbalanced, point_record, with_sensitivities, with_stability
+from .point_solver import PointSolver, Solution, Workspace
 from .state import BranchState
 from .task import BranchTask
 
@@ -79,6 +82,8 @@ def accept(
         known, adjoints = estimator.last if estimator else None, solver.workspace.adjoints(solver.equation)
         point = with_sensitivities(solver.problem, solution, point, adjoints, known)
     recorded = at_corner(solver, solution, point, estimator)
+    if estimator is not None and task.accuracy is None:  # which solves it with more harmonics itself
+        recorded = with_nearby_solution(solver, solution, recorded, estimator)
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
     force, is_linear = force_at(solver, solution[0], point), solver.is_linear and solution[0].is_linear
     next_one = replace(solver.resolution, tolerance=max(solver.tolerance, task.tolerance))
@@ -135,6 +140,45 @@ def at_corner(solver: PointSolver, solution: Solution, point: Point, estimator: 
         with suppress(Unbalanced):
             return point_record(solver.problem, solver.selection, top, point.requested, estimator)[0]
     return point
+
+
+def with_nearby_solution(solver: PointSolver, solution: Solution, point: Point, estimator: ErrorEstimator) -> Point:
+    """Return the record of a point, with errors by a solution with more harmonics if the bar has detected none near it.
+
+    Collective.  docs/theory.md, section 11.  Newton's method starts from the point and from the linear response; unchanged if
+    neither leads to a solution near the point.  Workspace and estimator are its own: the rest of the branch does not change.
+    """
+    if not solver.comm.bcast(FAR in point.notes) or solver.equation.held is not None or solver.problem.constraints:
+        return point
+    (there, selected), finer = solution, solver.resolution.with_highest(extended(solver.harmonics).highest)
+    bars, workspace = ErrorEstimator(estimator.enriched), Workspace(solver.resolved(finer).equation, has_bars=True)
+    solver, linear = replace(solver, workspace=workspace), replace(there, iterate=solver.on_curve(there.iterate.parameter))
+    try:
+        for start in (there, linear):
+            with suppress(ConvergenceError):
+                if better := solve_with(solver, finer, (start, selected)):
+                    more, _ = point_record(better[1].problem, solver.selection, better[0], point.requested, bars)
+                    if near := with_errors_by(solver.comm, more, point):
+                        return near
+    finally:
+        bars.destroy()
+        workspace.destroy()
+    return point
+
+
+def with_errors_by(comm: MPI.Comm, more: Point, point: Point) -> Point | None:
+    """Return the record of a noted point with errors by that of a solution with ``more`` harmonics; None if that is not near.
+
+    Collective: a broadcast.  Near: amplitudes that differ by at most a fifth of the largest, at a solution without this note.
+    """
+    change = np.hypot(*(more.response[:, 1:3] - point.response[:, 1:3]).T)
+    error = more.error + change[:, None] * (np.array(PARTS) == "harmonics")
+    is_far = FAR in more.notes or change.max() > FAR_AWAY * np.hypot(*point.response[:, 1:3].T).max()
+    is_longer = (total(error) > total(np.asarray(point.error))).any()
+    if comm.bcast(bool(is_far or is_longer)):
+        return None
+    known = {name: getattr(more, name) for name in ("newton", "krylov", "corrected", "error_corrected")}
+    return replace(point, error=error, notes=tuple(note for note in point.notes if note != FAR), **known)
 
 
 def solve_with(
