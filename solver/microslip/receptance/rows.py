@@ -66,28 +66,35 @@ class RoundedMatrix:
 
     def __init__(self, A: np.ndarray):
         self.is_complex = np.iscomplexobj(A)
-        parts = np.concatenate([A.real, A.imag]) if self.is_complex else A
-        factors = np.abs(parts).max(axis=1, initial=0.0) / np.iinfo(np.int16).max
-        self._parts = np.rint(parts / np.where(factors > 0.0, factors, 1.0)[:, None]).astype(np.int16)
-        self._factors = factors.astype(np.float32)
+        self._parts = [_rounded(part) for part in ((A.real, A.imag) if self.is_complex else (A,))]
 
     def __len__(self) -> int:
-        return len(self._factors) // (2 if self.is_complex else 1)
+        return len(self._parts[0][0])
 
     def times(self, x: np.ndarray) -> np.ndarray:
         """Return A x, (m,), in single precision, for x (n,), complex where A is."""
-        n_sides, m = (2, len(self)) if self.is_complex else (1, len(self))
-        x = np.ascontiguousarray(x, dtype=np.complex64 if self.is_complex else np.float32)
-        sides = np.ascontiguousarray(x.view(np.float32).reshape(-1, n_sides).T)
-        y: np.ndarray = np.zeros((n_sides, len(self._factors)), dtype=np.float32)
-        if self._parts.size:
-            project_rounded(self._parts, self._factors, sides, y)
+        sides = np.stack([x.real, x.imag] if self.is_complex else [x]).astype(np.float32, copy=False)
+        products = [_times(*part, sides) for part in self._parts]
         if not self.is_complex:
-            return y[0]
-        product: np.ndarray = np.empty(m, dtype=np.complex64)
-        np.subtract(y[0, :m], y[1, m:], out=product.real)
-        np.add(y[0, m:], y[1, :m], out=product.imag)
-        return product
+            return products[0][0]
+        (real_real, real_imag), (imag_real, imag_imag) = products
+        y: np.ndarray = np.empty(len(self), dtype=np.complex64)
+        y.real, y.imag = real_real - imag_imag, real_imag + imag_real
+        return y
+
+
+def _rounded(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return A in 16-bit integers, and the factors of its rows."""
+    factors = np.abs(A).max(axis=1, initial=0.0) / np.iinfo(np.int16).max
+    return np.rint(A / np.where(factors > 0.0, factors, 1.0)[:, None]).astype(np.int16), factors.astype(np.float32)
+
+
+def _times(A: np.ndarray, factors: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return x A^T diag(factors), (N, m)."""
+    y: np.ndarray = np.zeros((len(x), len(A)), dtype=np.float32)
+    if A.size:
+        project_rounded(A, factors, x, y)
+    return y
 
 
 def places_of(A: np.ndarray) -> np.ndarray:
