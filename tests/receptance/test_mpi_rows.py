@@ -5,7 +5,7 @@ import pytest
 
 from microslip.parallel.ownership import rows_of
 from microslip.receptance import static_columns
-from microslip.receptance.rows import RoundedMatrix, Rows
+from microslip.receptance.rows import Rows
 from microslip.receptance.static_columns import StaticColumns
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
@@ -20,19 +20,6 @@ def test_products_equal_dense_products(m, n, N, precision):
     p, x = rng.standard_normal((m, N)), rng.standard_normal((n, N))
     assert Rows.of(A).combined(p) == pytest.approx(p.T @ A, abs=near) and Rows.of(A).combined(p).dtype == precision
     assert Rows.of(A).times(x) == pytest.approx(A @ x, abs=near) and Rows.of(A).times(x).dtype == precision
-
-
-@pytest.mark.parametrize("m, n", [(1, 1), (7, 5), (8, 256), (19, 1030), (0, 4), (4, 0)])
-@pytest.mark.parametrize("kind", [np.float32, np.complex64])
-def test_products_in_16_bit_integers_are_those_of_the_rounded_entries(m, n, kind):
-    rng = np.random.default_rng(m + n)
-    A, x = (rng.standard_normal(size) + 1j * rng.standard_normal(size) for size in ((m, n), n))
-    A, x = (each.astype(kind) if kind is np.complex64 else each.real.astype(kind) for each in (1e-3 * A, x))
-    A[m // 2 :] *= 1e4  # rows of other sizes
-    A[: m // 3] = 0.0
-    y, largest = RoundedMatrix(A).times(x), np.maximum(np.abs(A.real), np.abs(A.imag)).max(axis=1, initial=0.0)
-    assert y.dtype == kind and len(RoundedMatrix(A)) == m
-    assert (np.abs(y - A @ x) <= 4.0 * largest * np.abs(x).sum() / 2**16).all()
 
 
 def test_selected_rows_of_several_arrays_are_used_without_a_copy():

@@ -20,7 +20,6 @@ from scipy.linalg.lapack import zgetrs
 
 from ..fourier.harmonics import Harmonics
 from ..parallel.ownership import rows_of
-from ..receptance.rows import RoundedMatrix
 from ..receptance.subdomains import bisected
 from .linearisation import Linearisation
 from .preconditioner import REGULAR, HarmonicPreconditioner, Inverse, PairsPreconditioner, complex_linear
@@ -45,8 +44,8 @@ class _Sweep:
 
     columns: slice  # of the coefficients
     P: np.ndarray  # (m, 3 k, 3 N_H) the rows of the harmonic in dp/dU of the pairs, without unit
-    K: list[np.ndarray | RoundedMatrix]  # of each subdomain, without unit: real (3 k n, 3 k n), or conjugate complex (3 n, 3 n)
-    kind: np.dtype  # of products with K
+    K: list[np.ndarray]  # of each subdomain, without unit: real (3 k n, 3 k n), or conjugate complex (3 n, 3 n)
+    kind: np.dtype  # of K
 
     def solve(self, x: np.ndarray) -> None:
         """Replace the right-hand side b_n in x (m, 3, N_H) by x_n; later harmonics of x are 0."""
@@ -54,7 +53,7 @@ class _Sweep:
         moved, first = np.empty_like(p), 0
         for K in self.K:
             there = slice(first, first + len(K))
-            moved[there] = K.times(p[there]) if isinstance(K, RoundedMatrix) else K @ p[there]
+            np.matmul(K, p[there], out=moved[there])
             first = there.stop
         x[..., self.columns] -= moved.view(x.dtype).reshape(-1, 3, self.P.shape[1] // 3)
 
@@ -81,13 +80,13 @@ class SectorsPreconditioner(PairsPreconditioner):
         self.pairs = np.concatenate([np.zeros(0, dtype=int), *(rows[::3] // 3 for rows in self.subdomains)])
         mine = np.arange(self.local_rows.start, self.local_rows.stop, 3) // 3
         self.places = np.argsort(self.pairs)[np.searchsorted(np.sort(self.pairs), mine)]
-        is_single = all(isinstance(K, RoundedMatrix) for of_harmonics in responses for K in of_harmonics)
+        is_single = all(K.dtype in (np.float32, np.complex64) for of_harmonics in responses for K in of_harmonics)
         self.kind = np.dtype(np.float32 if is_single else np.float64)
         self.sweep = [
             self._part(n, P[self.pairs], [each[harmonics.chosen.index(n)] for each in responses]) for n in _order(harmonics)
         ]
 
-    def _part(self, n: int, P: np.ndarray, K: list[np.ndarray | RoundedMatrix]) -> _Sweep:
+    def _part(self, n: int, P: np.ndarray, K: list[np.ndarray]) -> _Sweep:
         """Return the part of harmonic n from the tangents of the pairs (m, 3 N_H, 3 N_H) [N/m] and K_n of each subdomain."""
         harmonics, n_columns = self.made_at.equation.harmonics, P.shape[2]
         columns, kind = harmonics.columns(n), self.kind if _is_whole(harmonics, n) else np.result_type(self.kind, np.complex64)
@@ -95,7 +94,7 @@ class SectorsPreconditioner(PairsPreconditioner):
             -1, 3 * (columns.stop - columns.start), n_columns
         )
         P_n = np.ascontiguousarray(rows / self.unit, dtype=self.kind)
-        return _Sweep(columns, P_n, K, kind)
+        return _Sweep(columns, P_n, [each.astype(kind, copy=False) for each in K], kind)
 
     def apply(self, b: np.ndarray) -> np.ndarray:
         """Return the approximate solution of (1 + G P) x = b within the sectors, (m, 3, N_H).  Collective: one gather."""
@@ -117,15 +116,12 @@ def _is_whole(harmonics: Harmonics, n: int) -> bool:
     return n in (0, _order(harmonics)[0])
 
 
-def _responses(
-    blocks: Iterator[np.ndarray], P: np.ndarray, harmonics: Harmonics, unit: float
-) -> list[np.ndarray | RoundedMatrix]:
+def _responses(blocks: Iterator[np.ndarray], P: np.ndarray, harmonics: Harmonics, unit: float) -> list[np.ndarray]:
     """Return K_n of one subdomain for each harmonic, without unit, from blocks of G_n and dp/dU (m, 3 N_H, 3 N_H).  Local.
 
     Of a harmonic with its whole tangent it is real; of the others conjugate complex, with the complex-linear part.
     """
-    N_H = harmonics.n_coefficients
-    responses: list[np.ndarray | RoundedMatrix] = []
+    N_H, responses = harmonics.n_coefficients, []
     by_row, complex_P = P.reshape(len(P), 3, N_H, 3, N_H), complex_linear(P, N_H).conj()
     for i, (n, G_n) in enumerate(zip(harmonics.chosen, blocks)):
         if _is_whole(harmonics, n):
@@ -143,11 +139,11 @@ def _of_coefficients(G: np.ndarray) -> np.ndarray:
     return parts.transpose(2, 0, 3, 1).reshape(2 * len(G), -1)
 
 
-def _response(G: np.ndarray, P: np.ndarray, unit: float) -> np.ndarray | RoundedMatrix:
-    """Return (1 + G P)^-1 G times ``unit``, with P (m, a, a) block-diagonal; rounded where single precision suffices.  Local."""
+def _response(G: np.ndarray, P: np.ndarray, unit: float) -> np.ndarray:
+    """Return (1 + G P)^-1 G times ``unit``, with P (m, a, a) block-diagonal; in single precision where that suffices.  Local."""
     inverse = Inverse(np.eye(len(G)) + _times_blocks(G, P)).of_B
     K: np.ndarray = inverse @ (unit * G).astype(inverse.dtype)
-    return RoundedMatrix(K) if K.dtype in (np.float32, np.complex64) else K
+    return K
 
 
 def _times_blocks(G: np.ndarray, P: np.ndarray) -> np.ndarray:

@@ -9,9 +9,6 @@ cdef extern from "row_products.h" nogil:
     of_double project_double "OF_THIS_PROCESSOR(project_rows_double)"
     of_float project_float "OF_THIS_PROCESSOR(project_rows_float)"
 
-    ctypedef void (*of_rounded)(Py_ssize_t m, const short *A, const float *factors, Py_ssize_t n, const float *x, Py_ssize_t N, float *y) nogil
-    of_rounded project_short "OF_THIS_PROCESSOR(project_rounded)"
-
     ctypedef struct modal_answer:
         Py_ssize_t m
         Py_ssize_t first
@@ -48,12 +45,6 @@ def project(const Py_ssize_t[::1] places, Py_ssize_t n, const real[:, ::1] x, re
             project_double(m, <const double **> &places[0], n, &x[0, 0], N, &y[0, 0])
         else:
             project_float(m, <const float **> &places[0], n, &x[0, 0], N, &y[0, 0])
-
-
-def project_rounded(const short[:, ::1] A, const float[::1] factors, const float[:, ::1] x, float[:, ::1] y):
-    """Write x A^T diag(factors) into ``y`` (N, m), for x (N, n) and A (m, n); none empty."""
-    with nogil:
-        project_short(A.shape[0], &A[0, 0], &factors[0], A.shape[1], &x[0, 0], x.shape[0], &y[0, 0])
 
 
 def pick(const Py_ssize_t[::1] places, const Py_ssize_t[::1] columns, double unit, real[:, :] out):

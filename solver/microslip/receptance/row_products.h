@@ -21,9 +21,7 @@ typedef struct {                                    /* m modes that respond in s
     void combine_rows_##type##suffix(index_t m, const type *const *rows, index_t n, const type *p, index_t N, type *y);      \
     void project_rows_##type##suffix(index_t m, const type *const *rows, index_t n, const type *x, index_t N, type *y); \
     void answer_rows_##type##suffix(type *y, index_t N, index_t n, modal_answer modes, const type *R, index_t n_rows);
-#define DECLARE(suffix)                                                                                                      \
-    DECLARE_OF(double, suffix) DECLARE_OF(float, suffix)                                                                     \
-    void project_rounded##suffix(index_t m, const short *A, const float *factors, index_t n, const float *x, index_t N, float *y);
+#define DECLARE(suffix) DECLARE_OF(double, suffix) DECLARE_OF(float, suffix)
 DECLARE_KERNELS
 
 #endif

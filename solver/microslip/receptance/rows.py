@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ._row_products import combine, pick, project, project_rounded
+from ._row_products import combine, pick, project
 
 
 class Rows:
@@ -56,45 +56,6 @@ class Rows:
         assert self.precision is np.float64 and out.shape == (self.shape[0], len(wanted))
         if out.size:
             pick(self._places, np.ascontiguousarray(wanted, dtype=np.intp), unit, out)
-
-
-class RoundedMatrix:
-    """A real or complex matrix (m, n) in 16-bit integers with a factor for each row, for products with one vector.  Local.
-
-    Half the memory of single precision; an entry has an error of up to 1.6e-5 of the largest one of its row.
-    """
-
-    def __init__(self, A: np.ndarray):
-        self.is_complex = np.iscomplexobj(A)
-        self._parts = [_rounded(part) for part in ((A.real, A.imag) if self.is_complex else (A,))]
-
-    def __len__(self) -> int:
-        return len(self._parts[0][0])
-
-    def times(self, x: np.ndarray) -> np.ndarray:
-        """Return A x, (m,), in single precision, for x (n,), complex where A is."""
-        sides = np.stack([x.real, x.imag] if self.is_complex else [x]).astype(np.float32, copy=False)
-        products = [_times(*part, sides) for part in self._parts]
-        if not self.is_complex:
-            return products[0][0]
-        (real_real, real_imag), (imag_real, imag_imag) = products
-        y: np.ndarray = np.empty(len(self), dtype=np.complex64)
-        y.real, y.imag = real_real - imag_imag, real_imag + imag_real
-        return y
-
-
-def _rounded(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A in 16-bit integers, and the factors of its rows."""
-    factors = np.abs(A).max(axis=1, initial=0.0) / np.iinfo(np.int16).max
-    return np.rint(A / np.where(factors > 0.0, factors, 1.0)[:, None]).astype(np.int16), factors.astype(np.float32)
-
-
-def _times(A: np.ndarray, factors: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return x A^T diag(factors), (N, m)."""
-    y: np.ndarray = np.zeros((len(x), len(A)), dtype=np.float32)
-    if A.size:
-        project_rounded(A, factors, x, y)
-    return y
 
 
 def places_of(A: np.ndarray) -> np.ndarray:
