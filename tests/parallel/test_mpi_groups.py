@@ -10,6 +10,7 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 from petsc4py import PETSc
 
+from microslip.continuation import levels
 from microslip.library import side_by_side
 from microslip.library.build import build
 from microslip.library.prepare import prepare
@@ -202,7 +203,8 @@ def test_more_groups_than_ranks_are_rejected_before_any_work(comm, shared_path, 
 @pytest.mark.parametrize(
     "n_groups", [pytest.param(1, marks=pytest.mark.ranks(1)), pytest.param(2, marks=pytest.mark.ranks(2, 3))]
 )
-def test_a_level_that_ends_early_does_not_affect_the_others(comm, shared_path, program, n_groups):
+def test_a_level_that_ends_early_does_not_affect_the_others(comm, shared_path, program, n_groups, monkeypatch):
+    monkeypatch.setattr(levels, "SHORTER", 1)  # the steps of the third segment: shorter ones complete it
     scene = write(comm, shared_path, levels=[0.4, 0.02, 0.01])
     options = PETSc.Options()  # PETSc has started: it does not read a command line again
     options["hb_snes_max_it"] = 1

@@ -9,6 +9,7 @@ from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.linear import sector_factor
 from microslip.parallel.agree import on_root
+from microslip.receptance.columns import ReceptanceColumns
 from microslip.receptance.motions import ActingForces
 from microslip.scene.read import read_scene
 
@@ -66,3 +67,19 @@ def test_blocks_of_the_static_receptance_are_those_of_its_columns(disc):
     rows, columns = (np.sort(random.permutation(3 * len(every))[:k]) for k in (20, 30))
     whole = np.concatenate(COMM.allgather(G.transposed(every).T))
     np.testing.assert_allclose(G.block(rows, columns), whole[np.ix_(rows, columns)], rtol=0.0, atol=1e-12 * np.abs(whole).max())
+
+
+def test_a_group_of_ranks_has_the_receptance_of_all(disc):
+    """Each rank alone: products by transforms, and blocks of the static receptance."""
+    model, every = prepare(disc).response.model, np.arange(disc.pairs.n_pairs)
+    alone = COMM.Split(COMM.rank)
+    on_group = prepare(disc).response.on_ranks(alone).model
+    p = np.random.default_rng(6).standard_normal((3 * len(every), 2))
+    of_all, of_group = (ReceptanceColumns(each, 9000.0, every, for_blocks=True) for each in (model, on_group))
+    assert on_group.receptance_of(1).sectors.comm is alone
+    for whole, part in zip(of_all.blocks(), of_group.blocks(), strict=True):
+        np.testing.assert_allclose(part, whole, rtol=0.0, atol=1e-12 * np.abs(whole).max())
+    for whole, part in zip(of_all.groups, of_group.groups, strict=True):
+        expected = np.concatenate(COMM.allgather(whole.apply(p)))
+        np.testing.assert_allclose(part.apply(p), expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+    alone.Free()

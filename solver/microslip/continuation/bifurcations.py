@@ -25,6 +25,7 @@ from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
 
 CLOSE = 1e-6  # of the way between two points, to which a bifurcation is enclosed
+SAME, SAME_AMPLITUDE = 1e-6, 1e-3  # of frequency and amplitude; an amplitude at a fold changes by the root of the frequency
 _REAL = 1e-3  # imaginary part up to which a multiplier is real
 N_STEPS_AT_FOLDS = 512  # of the map of a cycle there, whose multiplier 1 is then as exact as the harmonics
 
@@ -41,7 +42,14 @@ def bifurcations_of(problem: ForcedResponse, branch: Branch, tolerance: float) -
     for i, k, multiplier in crossings(branch):
         if i not in at_folds or kind_of(multiplier) != BRANCHING:
             located.append(bifurcation_between(problem, branch, i, i + 1, k, tolerance))
-    return sorted(located, key=lambda bifurcation: bifurcation.after)
+    located.sort(key=lambda bifurcation: bifurcation.after)
+    return [each for i, each in enumerate(located) if not any(is_same(each, other) for other in located[:i])]
+
+
+def is_same(a: Bifurcation, b: Bifurcation) -> bool:
+    """Return whether two bifurcations are the same, as where a later segment retraces an earlier one.  Local."""
+    is_near = abs(a.omega - b.omega) <= SAME * b.omega
+    return a.kind == b.kind and is_near and bool(np.allclose(a.amplitude, b.amplitude, rtol=SAME_AMPLITUDE, atol=0.0))
 
 
 def turns(branch: Branch) -> Iterator[int]:

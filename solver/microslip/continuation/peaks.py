@@ -42,7 +42,7 @@ MOST_POINTS = 1000
 ASIDE, FARTHER = 1e-3, 0.05  # half-power widths to both sides of a peak, where derivatives are taken: of its size; of its place
 TURNED = 0.25 * np.pi  # rad, of the motion of pairs over the half-power width of a peak of the mode that moves them
 SAME, SAME_MOTION = 1e-5, 1e-2  # of frequency and amplitude, and of the motion, by which one peak may differ from itself
-SHARES_OF_STEP = tuple(0.5**k for k in range(8, 0, -1))  # to solutions between its ends
+SHARES_OF_STEP = (*(0.5**k for k in range(8, 0, -1)), 0.75, 1.0)  # to solutions between its ends
 MANY_SAMPLES = 1024  # from which the error of the place, of second order in that distance, is above that of the corners
 FARTHER_BY = 50.0 ** (1.0 / 3.0)  # from one to the other, so that each solution leads to the next
 
@@ -264,7 +264,8 @@ def peak_about(
     try:
         sweep = Sweep(point.omega, point.omega + within)
         solver = PointSolver(problem.with_equation(equation), AllPairs(), sweep, tolerance, workspace)
-        if top.is_hidden and top.point == top.between[int(np.argmin(ends))]:  # the curve rises from it into the step
+        rises = equation.comm.bcast(top.point == top.between[int(np.argmin(ends))])  # from this end into the step
+        if top.is_hidden and rises:
             row = climbed(solver, output, start, after if top.point == top.between[0] else before)
             if row is None:
                 return None
@@ -290,7 +291,7 @@ def peak_about(
 def climbed(solver: PointSolver, output: int, here: Iterate, other: Iterate) -> list[Iterate] | None:
     """Return the last three of solutions from one towards another, of which the output is highest at the second.  Collective.
 
-    At fixed frequencies, each twice as far as the one before.  None without them.
+    At fixed frequencies, at first each twice as far as the one before.  None without them.
     """
     problem, equation, every = solver.problem, solver.equation, solver.equation.every_pair
     size, force, sizes, row = solver.norm(here.U) or 1.0, solver.force(here, every), list[float](), [here]

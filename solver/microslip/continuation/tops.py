@@ -101,7 +101,7 @@ def hidden(problem: ForcedResponse, branch: Branch, curve: LinearCurve | None) -
             sizes = log_sizes(outputs_of(branch)[i : i + 2, outputs])
             slopes = np.array([slopes_at(problem, branch, k, outputs, forward) for k in (i, i + 1)])
             has_top = exceeds_ends(np.array([point.omega for point in branch.points[i : i + 2]]), sizes, slopes)
-            lower = i + np.argmin(sizes, axis=0)
+            has_top, lower = comm.bcast((has_top, i + np.argmin(sizes, axis=0)))
             tops += [Top(output, (i, i + 1), int(low)) for output, low, is_top in zip(outputs, lower, has_top) if is_top]
     finally:
         forward.destroy()
@@ -144,13 +144,14 @@ def undecided_steps(branch: Branch, has_linear: bool) -> list[tuple[int, list[in
     turn back at or next to these steps.  Without those between points at which all pairs stick, with ``has_linear``.
     """
     points = branch.points
-    if len(points) < 4:
+    if len(points) < 3:
         return []
     a, s = outputs_of(branch), arc_of(branch)
     omega, sizes, cases = np.array([point.omega for point in points]), log_sizes(a), []
-    for i in range(1, len(points) - 2):
-        steps, is_stuck = np.diff(omega[i - 1 : i + 3]), sticks(points[i]) and sticks(points[i + 1])
-        if (has_linear and is_stuck) or steps.min() * steps.max() <= 0.0 or points[i - 1].segment != points[i + 2].segment:
+    for i in range(len(points) - 1):
+        near = [k for k in range(i - 1, i + 3) if 0 <= k < len(points) and points[k].segment == points[i].segment]
+        steps, is_stuck = np.diff(omega[near]), sticks(points[i]) and sticks(points[i + 1])
+        if i + 1 not in near or (has_linear and is_stuck) or steps.min() * steps.max() <= 0.0:
             continue
         ends, way = [i, i + 1], np.sign(sizes[i + 1] - sizes[i])
         rates = [slopes_of_parabolas(s, a, k, points) * way for k in ends]

@@ -88,17 +88,19 @@ def follow_divided(
     for number, level in enumerate(levels):
         checkpointer = checkpointers(comm, level, 0)
         observers.notify("level_started", number, groups.where)
-        branch = checkpointer.finished()
-        if branch is not None:
+        branch, on_point = checkpointer.finished(), partial(observers.notify, "point", number)
+        if branch is not None and branch.failure is not None:
+            branch = whole_branch(of, level, on_point, checkpointers)  # with its further segments
+        elif branch is not None:
             for point in branch.points:
-                observers.notify("point", number, point)
+                on_point(point)
         else:
             branch = _divided(of_ranks, level, groups, partial(observers.receive, "point", number))
             if branch is None:
                 log.note("  its parts do not join: followed as a whole")
                 observers.branches[number].points.clear()
                 observers.notify("level_started", number)
-                branch = whole_branch(of, level, partial(observers.notify, "point", number), checkpointers)
+                branch = whole_branch(of, level, on_point, checkpointers)
             else:
                 observers.branches[number].points[:] = branch.points  # in their order
                 checkpointer.save(of.task(level), None, branch.points)

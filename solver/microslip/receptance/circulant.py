@@ -11,6 +11,7 @@ N // 2; the map of N - d is the conjugate of that of d.  docs/theory.md, section
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,12 +155,16 @@ class CirculantColumns(StaticColumns):
         super().__init__(N * n_rows // 3, owned.stop - owned.start, _no_solve)
         columns = np.empty((n_rows, 2 * N, n_rows))
         columns[:, :N] = columns[:, N:] = blocks.transpose(2, 0, 1)
-        self._blocks = [columns]
-        start = (N - np.arange(N)) % N * n_rows + 3 * owned.start
-        address = columns.ctypes.data + columns.strides[0] * np.arange(n_rows)
-        self._places = (8 * start[:, None] + address).astype(np.intp).reshape(-1, 3)
+        self._blocks, self._places = [columns], _windows(columns, owned)
         self._largest = np.tile(np.abs(blocks).max(axis=(0, 1), initial=0.0).reshape(-1, 3).max(axis=1), N)
         self.known[:] = self.stored[:] = True
+
+    def of_rows(self, owned: slice) -> CirculantColumns:
+        """Return the same columns, in the same memory, with the rows of the pairs ``owned``.  Local."""
+        other = copy(self)
+        other.n_owned, other._last = owned.stop - owned.start, None
+        other._places = _windows(self._blocks[0], owned)
+        return other
 
     def block(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return the static receptance between rows (k,) and columns (l,) of all sectors, (k, l) [m/N].  Local."""
@@ -189,6 +194,10 @@ class ColumnsOfOtherModes(StaticColumns):
         total: np.ndarray = self._truncated.transposed(pairs).T + self._of_modes(self._owned, rows_of(pairs))
         return total
 
+    def of_rows(self, owned: slice) -> ColumnsOfOtherModes:
+        """Return the same columns with the rows of the pairs ``owned``.  Local."""
+        return ColumnsOfOtherModes(self._truncated.of_rows(owned), self._modes, slice(3 * owned.start, 3 * owned.stop))
+
     def block(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return the static receptance as :meth:`CirculantColumns.block`.  Local."""
         return self._truncated.block(rows, columns) + self._of_modes(rows, columns)
@@ -197,6 +206,14 @@ class ColumnsOfOtherModes(StaticColumns):
         """Return the part of the modes between rows and columns."""
         R_phi, omega_n = self._modes.R_phi, self._modes.omega_n
         return R_phi[rows] @ (R_phi[columns] / omega_n**2).T
+
+
+def _windows(columns: np.ndarray, owned: slice) -> np.ndarray:
+    """Return the addresses of the columns of all pairs, (n N, 3), from their first rows of the pairs ``owned``."""
+    n_rows, N = len(columns), columns.shape[1] // 2
+    start = (N - np.arange(N)) % N * n_rows + 3 * owned.start
+    address = columns.ctypes.data + columns.strides[0] * np.arange(n_rows)
+    return (8 * start[:, None] + address).astype(np.intp).reshape(-1, 3)
 
 
 def _no_solve(pairs: np.ndarray) -> np.ndarray:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ..parallel.ownership import split_evenly
+from ..parallel.ownership import pairs_of_rank
+from .circulant import CirculantColumns, ColumnsOfOtherModes
 from .per_group import PerGroup
 from .reduced_structure import ReducedStructure
 from .static_columns import StaticColumns
@@ -29,14 +30,18 @@ def on_ranks(model: Reduced, comm: MPI.Comm) -> Reduced:
     for group in model.receptances.groups:
         receptance = model.receptances.of_group(group)
         static = replace(receptance.static, G_static=_columns_on(model, receptance.static.G_static, comm))
-        receptances[group] = replace(receptance, static=static)
+        sectors = None if receptance.sectors is None else receptance.sectors.on_ranks(comm)
+        receptances[group] = replace(receptance, static=static, sectors=sectors)
     per_group = PerGroup(receptances.__getitem__, model.receptances.group_of, model.receptances.groups)
     return replace(model, comm=comm, receptances=per_group)
 
 
 def _columns_on(model: ReducedStructure, columns: StaticColumns, comm: MPI.Comm) -> StaticColumns:
     """Return the static columns of all pairs with the rows of this rank's pairs in ``comm``.  Collective on ``model.comm``."""
-    first, last = (int(pair) for pair in split_evenly(model.n_pairs, comm.size)[comm.rank : comm.rank + 2])
+    owned = pairs_of_rank(comm, model.n_pairs)
+    if isinstance(columns, (CirculantColumns, ColumnsOfOtherModes)):
+        return columns.of_rows(owned)
+    first, last = owned.start, owned.stop
     wanted = model.comm.allgather((first, last))
     moved = StaticColumns(model.n_pairs, last - first, _no_solve, is_complex=columns.is_complex)
     for start in range(0, model.n_pairs, _BATCH):

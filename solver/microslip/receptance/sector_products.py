@@ -79,6 +79,15 @@ class SectorProducts:
         n_all = 4 * (D * (n_rows + m) * n_rows + self.R.size) + 2 * self.Y.size + 2 * self.forward.size * n_rows
         return n_all * -(-D // n_ranks) // D
 
+    def on_ranks(self, comm: MPI.Comm) -> SectorProducts:
+        """Return the same products on a subset of the ranks.  Collective on the present ranks: a gather."""
+        columns = np.concatenate(self.comm.allgather(self.columns))
+        other = copy(self)
+        other.comm, other._in_single = comm, None
+        other.owned = slice(*map(int, split_evenly(len(columns), comm.size)[comm.rank : comm.rank + 2]))
+        other.columns = columns[other.owned].copy()
+        return other
+
     def in_precision(self, precision: type) -> SectorProducts:
         """Return the same products in single or double precision; a copy in single precision is made once."""
         if precision is np.float64:

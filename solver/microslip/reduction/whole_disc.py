@@ -278,7 +278,7 @@ def displacements(disc: WholeDisc, model: ReducedModel, points: Sequence[ActingF
         forget_faces(each)
         columns = iter(moved.T)
         for field in fields:
-            for of_sectors, u_d in zip(field, columns):
+            for of_sectors, u_d in zip(field, columns) if n_owned else ():
                 dgemm(1.0, back.T, np.array([u_d.real, u_d.imag]), 1.0, of_sectors.T, overwrite_c=True)
     return [field.reshape(len(field), -1).T for field in fields]
 
