@@ -1,5 +1,6 @@
 """Folds and stability along a curve with two states, a mass that strikes a stop; every test runs on any number of ranks."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,18 +25,34 @@ SCENE = Path(__file__).parents[2] / "jobs" / "stop.toml"
 FURTHER = (15, 512, 3e-3), (31, 1024, 6e-4)
 
 
-@pytest.fixture(scope="module")
-def curve():
-    """Return the curve of a mass with a stop, with multipliers, its bifurcations and its system."""
+def curve_with(points):
+    """Return the curve of a mass with a stop for some requested points, with multipliers; its system and problem."""
     system = scenes.gap_mass()
     loads = [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]
     system = system | {"loads": loads}
-    followed = branch(system, COMM, LEVEL, low=1.05, high=1.4, H=H, n_samples=N_SAMPLES, points=12)
+    followed = branch(system, COMM, LEVEL, low=1.05, high=1.4, H=H, n_samples=N_SAMPLES, points=points)
     problem = forced(*reduced(system, COMM, H), N_SAMPLES, LEVEL)
     followed.points = [
         with_stability(problem, iterate_of(point, problem, Harmonics.up_to(H)), point) for point in followed.points
     ]
+    return system, followed, problem
+
+
+@pytest.fixture(scope="module")
+def curve():
+    """Return the curve of 12 requested points, its bifurcations and its system."""
+    system, followed, problem = curve_with(12)
     return system, followed, bifurcations_of(problem, followed, 1e-9)
+
+
+def test_a_bifurcation_that_a_later_segment_passes_again_is_listed_once(curve):
+    """With other points of the curve, as of a segment with shorter steps."""
+    _, followed, bifurcations = curve
+    _, again, problem = curve_with(17)
+    both = replace(followed, points=[*followed.points, *(replace(point, segment=2) for point in again.points)])
+    assert len(bifurcations) >= 2 and len(bifurcations_of(problem, again, 1e-9)) == len(bifurcations)
+    listed = bifurcations_of(problem, both, 1e-9)
+    assert [each.after for each in listed] == [each.after for each in bifurcations]
 
 
 @pytest.mark.study

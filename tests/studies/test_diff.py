@@ -212,12 +212,12 @@ def test_a_wider_range_is_reported(results):
 
 def test_ranges_without_a_common_frequency_are_not_compared(results):
     level = results.levels[1]
-    apart = other(results, frequency=level.frequency + 2.0 * np.ptp(level.frequency))
-    comparison = compared(results, apart)
+    shifted = other(results, frequency=level.frequency + 2.0 * np.ptp(level.frequency))
+    comparison = compared(results, shifted)
     assert comparison.levels[1].is_disjoint and comparison.levels[1].outputs == () and not comparison.is_same
     assert "no common frequency at 8 N; in the common range" in verdict(comparison)
     assert "Hz; no common frequency" in text_of(comparison)
-    only = [replace(side, levels=side.levels[1:]) for side in (results, apart)]
+    only = [replace(side, levels=side.levels[1:]) for side in (results, shifted)]
     assert verdict(compared(*only)) == "different: no common frequency at any level"
 
 

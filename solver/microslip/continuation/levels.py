@@ -284,11 +284,11 @@ def with_peaks(of: ResponseProblem, branch: Branch, checkpointers: Checkpointers
 
 def whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers) -> Branch:
     """Return the branch of a level, of two or three segments where those before end early.  Collective."""
-    branch = _segment(of, level, on_point, checkpointers)
-    has_first, segments = bool(branch.points), {1: replace(of, sweep=of.sweep.reverse), SHORT_STEPS: of}
-    for number, again in segments.items():
+    branch = first = _segment(of, level, on_point, checkpointers)
+    for number, again in ((1, replace(of, sweep=of.sweep.reverse)), (SHORT_STEPS, of)):
         has_room = len(branch.points) < most_points(of.settings.points)
-        if branch.failure is None or of.model.harmonics.is_constant or not has_room or (again is of and not has_first):
+        is_useful = number != SHORT_STEPS or first.points  # else it has no first point, either
+        if branch.failure is None or of.model.harmonics.is_constant or not (has_room and is_useful):
             break
         branch = branch.with_segment(_segment(again, level, on_point, checkpointers, number), SEGMENTS[number])
     return branch
