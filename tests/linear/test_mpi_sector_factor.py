@@ -1,5 +1,6 @@
 """One factor of a sector for all nodal diameters against dense algebra with the matrix of each diameter."""
 
+import mmap
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,9 @@ from mpi4py import MPI
 
 from microslip.library.build import assembled, factor_of
 from microslip.linear.dense import diagonal_owned, multiply
-from microslip.linear.sector_factor import negative_eigenvalues, packed_cholesky, packed_gram, packed_solve
+from microslip.linear.joint_springs import joint_stiffness
+from microslip.linear.mumps import MumpsFactor
+from microslip.linear.sector_factor import SectorFactor, negative_eigenvalues, packed_cholesky, packed_gram, packed_solve
 from microslip.modes.lapack import gathered
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
@@ -67,6 +70,38 @@ def test_solves_entries_and_counts_equal_dense_algebra(shared_path, how):
         assert linearised.factor.flexibility(sp.identity(len(K), format="csr"), R.T.tocsc()) is None  # eliminated rows
         linearised.destroy()
     sectors.destroy()
+
+
+@pytest.fixture
+def parts(shared_path):
+    """Return the assembled disc."""
+    parts = assembled(read_scene(on_root(COMM, lambda: write_sector(shared_path, N, END))), COMM, RunLog(COMM, screen=False))
+    yield parts
+    parts.rest.system.sectors.destroy()
+
+
+def test_memory_of_factoring_is_returned_to_the_system(parts):
+    of_sector = SectorFactor(parts.rest.system.sectors, joint_stiffness(parts.rest.pairs))
+    memory, n = np.frombuffer(of_sector.interior._workspace), of_sector.interior.mumps.info(9)
+    beyond = memory[n + mmap.PAGESIZE // 8 :]
+    assert np.count_nonzero(memory[:n]) > 0.5 * n
+    assert len(beyond) > 0 and not beyond.any()  # returned pages are empty
+    of_sector.destroy()
+
+
+def test_too_little_memory_for_a_factor_is_left_to_mumps(parts, monkeypatch):
+    def take_less(factor):
+        n = factor.mumps.info(8) // 8
+        factor._workspace = mmap.mmap(-1, 8 * n, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        factor.mumps.set_workspace(np.frombuffer(factor._workspace), n)
+
+    monkeypatch.setattr(MumpsFactor, "take_workspace", take_less)
+    linearised = factor_of(parts, RunLog(COMM, screen=False))
+    assert "again with 60 %" in linearised.factor.info["messages"][0]
+    assert linearised.factor.solver.of_sector.interior._workspace is None
+    B = np.ones((linearised.K_L.getLocalSize()[0], 1))
+    np.testing.assert_allclose(multiply(linearised.K_L, linearised.factor.solve(B)), B, atol=1e-9)
+    linearised.destroy()
 
 
 def test_pivots_count_negative_eigenvalues():

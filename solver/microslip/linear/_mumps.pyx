@@ -17,7 +17,8 @@ cdef extern from "dmumps_c.h" nogil:
         long long nnz, nnz_loc
         integers irn, jcn, irn_loc, jcn_loc, blkptr, perm_in, irhs_sparse, irhs_ptr, isol_loc, irhs_loc, listvar_schur
         reals a, a_loc, rhs, rhs_sparse, sol_loc, rhs_loc, schur, redrhs
-        int nrhs, lrhs, nz_rhs, lsol_loc, nloc_rhs, lrhs_loc, size_schur, lredrhs
+        reals wk_user
+        int nrhs, lrhs, nz_rhs, lsol_loc, nloc_rhs, lrhs_loc, size_schur, lredrhs, lwk_user
         int info[80]
         int infog[80]
         double rinfog[40]
@@ -135,6 +136,11 @@ cdef class Instance:
         """State the unknowns that are not eliminated, from 1, and where their Schur complement goes, (m, m); m = 0 off rank 0."""
         self.arrays["schur"] = rows, S
         self.c.id.size_schur, self.c.id.listvar_schur, self.c.id.schur = rows.shape[0], first(rows), corner(S)
+
+    def set_workspace(self, double[::1] S, int size):
+        """State the memory for factors, of INFO(8) entries, as ``size`` states them too; size = 0: MUMPS allocates it."""
+        self.arrays["workspace"] = S
+        self.c.id.wk_user, self.c.id.lwk_user = &S[0] if size else NULL, size
 
     def set_reduced(self, double[::1, :] B):
         """State where reduced right-hand sides go, or reduced solutions come from, (m, n); m = 0 off rank 0."""

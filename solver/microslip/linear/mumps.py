@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import mmap
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from ._mumps import Instance
     from .analysis import FactorMemory, Reports
 
+_SIZE, _USED = 8, 9  # INFO: entries of the memory for factors, and of the factor
+_MILLION = 1_000_000  # MUMPS rounds larger counts to it
 _SCHUR, _ON_DISK = 19, 22  # ICNTL: 1: S on rank 0; 1: factor on disk
 _REDUCES, _EXPANDS = 1, 2  # ICNTL(26): half a solve
 _SIDES, _SPARSE, _DISTRIBUTED = 20, 1, 10  # ICNTL, and kinds of right-hand sides
@@ -70,6 +73,26 @@ class MumpsFactor:
     schur: tuple[np.ndarray, np.ndarray] | None = None  # rows not eliminated, from 1, and S; None: all are eliminated
     units: np.ndarray | None = None  # (m,) powers of two by which rows and columns of S are scaled; None: 1
     _to_owners: ToOwners | None = None
+    _workspace: mmap.mmap | None = None  # of the factor; None: MUMPS has it
+
+    def take_workspace(self) -> None:
+        """Provide the memory for an analysed factor, of which MUMPS would return nothing before the factor is freed.  Local."""
+        size = max(8 * count(self.mumps.info(_SIZE)), mmap.PAGESIZE)
+        with suppress(OSError):  # MUMPS then reports that there is none
+            self._workspace = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+            self.mumps.set_workspace(np.frombuffer(self._workspace), self.mumps.info(_SIZE))
+
+    def trim_workspace(self) -> None:
+        """Return memory beyond the factor, which comes first, to the system; all of it where there is no factor.  Local."""
+        if self.mumps.infog(1) < 0:
+            self.mumps.set_workspace(np.empty(0), 0)
+            self._workspace = None
+        elif self._workspace is not None and hasattr(mmap, "MADV_DONTNEED"):
+            entries = self.mumps.info(_USED)
+            end = 8 * (count(entries) + _MILLION * (entries < 0))
+            end += -end % mmap.PAGESIZE
+            if end < len(self._workspace):
+                self._workspace.madvise(mmap.MADV_DONTNEED, end, len(self._workspace) - end)
 
     def destroy(self) -> None:
         """Free the factor, except after a stopping signal, when other ranks do not take part.  Collective."""
@@ -220,10 +243,19 @@ def factorise(
     CaseError : MUMPS refused its options, or is not the version that this program was built for
     """
     start = perf_counter()
-    factor = analysed(A, prefix, what, elimination=elimination, shift=shift, schur=schur)
+    return factored(analysed(A, prefix, what, elimination=elimination, shift=shift, schur=schur), what, start, later)
+
+
+def factored(
+    factor: MumpsFactor, what: str, start: float, later: Callable[[FactorMemory], float] | None = None
+) -> tuple[MumpsFactor, dict[str, Any]]:
+    """Factor an analysed matrix, which MUMPS has; ``start`` is the time at which its analysis began.
+
+    Collective; all else as of :func:`factorise`.
+    """
     give_back()
     try:
-        info = _factored(factor, what, later or (lambda _: 0.0))
+        info = _with_numbers(factor, what, later or (lambda _: 0.0))
     except MicroslipError:  # on every rank; of another error other ranks may not know, and freeing waits for them
         factor.destroy()
         raise
@@ -371,7 +403,7 @@ def _handed_over(
         raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
 
 
-def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float]) -> dict[str, Any]:
+def _with_numbers(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float]) -> dict[str, Any]:
     """Give an analysed factor its numbers, with more memory or on disk where it lacks; return the report.  Collective.
 
     Raises
@@ -379,12 +411,18 @@ def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], fl
     CaseError, ResourceError : as :func:`factorise`
     """
     messages, relaxations, on_disk, is_analysed = list[str](), iter(RELAXATION), False, factor.mumps.infog(1) >= 0
+    is_partial = factor.schur is not None and factor.units is None  # such factors are not saved, and their entries not discarded
     while True:
         placed: dict[str, Any] = {"messages": []}
         if is_analysed:
             placed = _placed(factor, what, later, on_disk)
+            has_workspace = is_partial and not (placed["out_of_core"] or messages)
+            if has_workspace:
+                factor.take_workspace()
             with patient():
                 factor.mumps.run(FACTOR)
+            if has_workspace:
+                factor.trim_workspace()
         info = report(factor.mumps) | placed
         code, messages = info["code"], messages + info.pop("messages")
         if code >= 0 or code in SINGULAR:

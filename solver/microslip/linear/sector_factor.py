@@ -7,10 +7,10 @@ static columns of its pairs are products of small matrices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from ..system.memory import give_back
 from . import bridge, mumps
 from .dense import add_springs
 from .lockstep import at_once
-from .ordering import Order
+from .ordering import Elimination, Order
 
 if TYPE_CHECKING:
     from ..assembly.system import System
@@ -129,25 +129,47 @@ class SectorFactor:
             raise CaseError("[cyclic]: without the bridge to MUMPS discs are not computed; install microslip with MUMPS' headers")
         self.boundary = Boundary.of(sectors, K_J)
         n_f, n_j = len(self.boundary.faces), len(self.boundary.joint)
+        self._order: Order | None = None  # in which all of its matrices are eliminated
         room = 8.0 * (3.0 * (n_f + n_j) ** 2) * (self.comm.rank == 0)
         refuse_beyond(self.comm, room, _LARGE.format(n_f), _FEWER)
-        with self.K_L() as K_L:
-            S, self.info, self.interior = _interior(K_L, self.boundary.rows, None)
+        S, self.info, self.interior = self.without_interior(self.boundary.rows)
         self.is_definite = self.info["code"] == 0 and self.info["negative"] == 0 and self._eliminate_joint(S, n_j)
         self._counts: dict[float, _Inertia] = {}
 
-    @contextmanager
-    def K_L(self) -> Iterator[PETSc.Mat]:
-        """Provide K_L of the sector with both faces, (n_v, n_v), with the springs of the pairs within it.  Collective.
+    def without_interior(
+        self, boundary: np.ndarray, sigma: float | None = None
+    ) -> tuple[np.ndarray, dict[str, Any], mumps.MumpsFactor | None]:
+        """Eliminate all rows but those of the boundary from K_L, or from K_L - sigma M; return S, a report, the factor.
 
-        It is in memory while its factors are made: products are those of K and of springs.
+        Collective.  S, on rank 0, has both triangles, and is the caller's.  Of K_L - sigma M only the signs of the pivots are
+        stored.  There is no factor where nothing is eliminated.
+        """
+        start, shift = perf_counter(), None if sigma is None else (sigma, self.sectors.sector.M)
+        prefix, what = (_PREFIX, "K_L of the sector") if shift is None else (_OF_INERTIA, "K_L - sigma M of the sector")
+        K_L = self._K_L()
+        try:
+            if len(boundary) == K_L.getSize()[0]:
+                return *_without_interior(K_L, boundary, shift), None
+            analysed = mumps.analysed(K_L, prefix, what, elimination=Elimination(order=self._order), shift=shift, schur=boundary)
+        finally:
+            free(K_L)  # while it is factored, MUMPS' copy is enough
+        self._order = analysed.order
+        factor, info = mumps.factored(analysed, what, start)
+        S, units = factor.take_schur(), factor.units
+        if units is not None and len(S):
+            S /= units[:, None]
+            S /= units
+        for j in range(len(S)):
+            S[j + 1 :, j] = S[j, j + 1 :]
+        return S, info, factor
+
+    def _K_L(self) -> PETSc.Mat:
+        """Return K_L of the sector with both faces, (n_v, n_v), with the springs of the pairs within it.  Collective.
+
+        It is in memory until MUMPS has it: products are those of K and of springs.
         """
         R, is_within = (self.sectors.sector.R @ self.sectors.T).tocsr(), np.diff(self.sectors.R_next.indptr) == 0
-        K_L = add_springs(self.sectors.sector.K, springs_of(R, self.K_J * is_within))
-        try:
-            yield K_L
-        finally:
-            free(K_L)
+        return add_springs(self.sectors.sector.K, springs_of(R, self.K_J * is_within))
 
     def _eliminate_joint(self, S: np.ndarray, n_j: int) -> bool:
         """Eliminate the rows of the joint from S, which is overwritten; return whether they are definite.  Collective."""
@@ -266,27 +288,6 @@ def springs_of(R: sp.csr_matrix, K_J: np.ndarray) -> sp.csr_matrix:
     return (R.conj().T @ sp.diags(K_J) @ R).tocsr()
 
 
-def _interior(
-    A: PETSc.Mat, boundary: np.ndarray, shift: tuple[float, PETSc.Mat] | None
-) -> tuple[np.ndarray, dict[str, Any], mumps.MumpsFactor | None]:
-    """Eliminate all rows but those of the boundary from A, or from A - sigma M; return S on rank 0, a report, the factor.
-
-    Collective.  S has both triangles, and is the caller's.  Of A - sigma M only the signs of the pivots are stored.  There is no
-    factor where nothing is eliminated.
-    """
-    if len(boundary) == A.getSize()[0]:
-        return *_without_interior(A, boundary, shift), None
-    prefix, what = (_PREFIX, "K_L of the sector") if shift is None else (_OF_INERTIA, "K_L - sigma M of the sector")
-    factor, info = mumps.factorise(A, prefix, what, shift=shift, schur=boundary)
-    S, units = factor.take_schur(), factor.units
-    if units is not None and len(S):
-        S /= units[:, None]
-        S /= units
-    for j in range(len(S)):
-        S[j + 1 :, j] = S[j, j + 1 :]
-    return S, info, factor
-
-
 def _without_interior(
     A: PETSc.Mat, boundary: np.ndarray, shift: tuple[float, PETSc.Mat] | None
 ) -> tuple[np.ndarray, dict[str, Any]]:
@@ -318,8 +319,7 @@ class _Inertia:
         """Eliminate.  Collective: one factorisation."""
         self.of_sector, self.sigma = of_sector, sigma
         give_back()  # memory of the searches: the peak would be here
-        with of_sector.K_L() as K_L:
-            S, info, pivots = _interior(K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
+        S, info, pivots = of_sector.without_interior(of_sector.boundary.faces, sigma)
         if pivots is not None:
             pivots.destroy()
         if info["code"] in mumps.SINGULAR or info["null"] > 0:

@@ -221,6 +221,7 @@ class _Partners:
         self._basis = basis  # columns that are not in use are 0
         context = M.getPythonContext() if M.getType() == "python" else None
         self._products = context if isinstance(context, _Products) else None
+        self._n_used = 0
 
     def begin(self) -> None:
         """Set all columns after the start vector to 0, before a search whose vectors are allocated."""
@@ -230,8 +231,9 @@ class _Partners:
         """Make x orthogonal to i V in M, V the basis: x + i V (V^T M i x)."""
         i_x = x.duplicate()
         i_x.setArray(_times_i(x.getArray()))
-        with self._all_columns():
+        with self._columns(self._n_used):
             self._basis.multVec(1.0, 0.0, i_x, self._basis.dotVec(i_x))
+        self._n_used = min(self._n_used + 1, self._basis.getSizes()[1])  # x becomes the next column
         i_x.setArray(_times_i(i_x.getArray()))
         x.axpy(1.0, i_x)
         i_x.destroy()
@@ -246,7 +248,7 @@ class _Partners:
         last = self._basis.getColumn(len(values))
         copy = last.copy()
         self._basis.restoreColumn(len(values), last)
-        with self._all_columns():
+        with self._columns(self._basis.getSizes()[1]):
             same = np.flatnonzero(np.abs(self._basis.dotVec(copy)) > 0.5)
         copy.destroy()
         self._forget((same[0] if len(same) else n_converged) + 1)
@@ -260,15 +262,16 @@ class _Partners:
         return next_owned
 
     @contextmanager
-    def _all_columns(self) -> Iterator[None]:
-        """Let products be those of all columns, and not of a part that SLEPc works on."""
+    def _columns(self, n: int) -> Iterator[None]:
+        """Let products be those of the first n columns, and not of a part that SLEPc works on."""
         active = self._basis.getActiveColumns()
-        self._basis.setActiveColumns(0, self._basis.getSizes()[1])
+        self._basis.setActiveColumns(0, n)
         yield
         self._basis.setActiveColumns(*active)
 
     def _forget(self, first: int) -> None:
         """Set the columns from ``first`` on to 0."""
+        self._n_used = first
         for column in range(first, self._basis.getSizes()[1]):
             self._basis.scaleColumn(column, 0.0)
 
