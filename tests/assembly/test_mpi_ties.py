@@ -2,16 +2,19 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse as sp
 from box_meshes import KINDS, STEEL, box, joint, made_of, mesh_of, settings
+from lattices import distributed
 from mpi4py import MPI
 
 from microslip.assembly import assemble as assemble_module
 from microslip.assembly.assemble import assemble
+from microslip.assembly.constraints import _projected
 from microslip.assembly.prestress import stiffness_at_rest
 from microslip.linear.dense import diagonal_owned, multiply
 from microslip.mesh.links import find_links
@@ -652,3 +655,17 @@ def test_a_joint_whose_sides_cannot_move_relative_to_each_other_is_refused(suppo
 def test_pairs_that_cannot_open_or_slip_are_reported(supports, points, words):
     notes = comm.bcast(jointed(supports, *points))
     assert len(re.findall(words, " ".join(notes))) == 1 if words else not any("cannot" in note for note in notes)
+
+
+@pytest.mark.ranks(1, 2)
+@pytest.mark.parametrize("entry", [1.0, 0.5])  # a selection of rows, and none
+def test_reduced_matrices_equal_dense_products(entry):
+    A, selected = np.random.default_rng(1).standard_normal((12, 12)), np.array([7, 2, 11, 3, 9, 0, 4, 10, 5])
+    T = sp.csr_matrix((np.append(entry, np.ones(8)), (selected, np.arange(9))), (12, 9))
+    ranges, row_ranges = (np.linspace(0, n, comm.size + 1).astype(int) for n in (12, 9))
+    constraints = SimpleNamespace(T=T, n_nodal=12, nodal_ranges=ranges, row_ranges=row_ranges)
+    projected = _projected(distributed(comm, sp.csr_matrix(A + A.T), ranges), constraints, comm)
+    assert projected.getOwnershipRanges().tolist() == row_ranges.tolist()
+    owned = slice(*row_ranges[comm.rank : comm.rank + 2])
+    np.testing.assert_allclose(multiply(projected, np.eye(9)[owned]), (T.T @ (A + A.T) @ T)[owned], atol=1e-14)
+    projected.destroy()

@@ -12,7 +12,7 @@ from microslip.linear.dense import multiply
 from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import Linearised
 from microslip.modes import shift_invert
-from microslip.modes.eigen import lowest_modes
+from microslip.modes.eigen import _with_following, lowest_modes
 from microslip.modes.rayleigh import smoothed
 
 comm = MPI.COMM_WORLD
@@ -63,9 +63,34 @@ def test_the_search_space_has_one_vector_of_each_plane(monkeypatch):
     monkeypatch.setattr(shift_invert, "_converged", of_basis)
     modes = lowest_modes(linearised, 20)
     np.testing.assert_allclose(modes.omega_n, omega[:20], rtol=1e-10)
-    assert modes.info["basis"] == 21 + 8 and sum(solves) < 80 and set(solves) == {1}
+    assert modes.info["basis"] == 20 + 8 and sum(solves) < 80 and set(solves) == {1}
     assert len(products) == 1 and products[0] < 1e-6
     linearised.destroy()
+
+
+@pytest.mark.ranks(1, 2)
+@pytest.mark.parametrize(("accuracy", "n_searches"), [(1e-3, 1), (0.0, 2)])
+def test_the_proof_needs_an_estimate_of_the_next_mode(monkeypatch, accuracy, n_searches):
+    """Without one of that accuracy, a further search computes that mode."""
+    K, omega = ring(400)
+    linearised, searches, converged = structure(K, sp.identity(400)), [], shift_invert._converged
+    monkeypatch.setattr(shift_invert, "_FOR_PROOF", accuracy)
+    monkeypatch.setattr(shift_invert, "_converged", lambda *of: searches.append(of) or converged(*of))
+    modes = lowest_modes(linearised, 6)
+    np.testing.assert_allclose(modes.omega_n, omega[:6], rtol=1e-10)
+    sigma = float(modes.info["proof"].split()[-2])
+    assert modes.n_proved == 6 and omega[5] < 2.0 * np.pi * sigma < omega[6]
+    assert len(searches) == n_searches
+    linearised.destroy()
+
+
+def test_an_estimate_below_a_mode_is_not_that_of_the_next_one():
+    eigenvalues, info = np.array([1.0, 4.0]), {"method": "SLEPc"}
+    for theta, expected in ((0.125, [1.0, 4.0, 8.0]), (0.5, [1.0, 4.0])):
+        found, others = _with_following(eigenvalues, info | {"following": (theta,)})
+        np.testing.assert_array_equal(found, expected)
+        assert others == info
+    np.testing.assert_array_equal(_with_following(eigenvalues, info)[0], eigenvalues)
 
 
 @pytest.mark.ranks(1, 2)

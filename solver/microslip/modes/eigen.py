@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 RESIDUAL_LIMIT = 1e-5  # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
 _ROUNDING = 1e-13  # the same relative to |diag(K_L) phi|, for rounding errors of K_L phi
 _DENSE = 400  # DOFs up to which LAPACK is fastest
-_GUARD = 2  # modes beyond the wanted ones, to find a gap for the proof
+_GUARD = 2  # modes beyond the wanted ones, to find a gap for the proof; of complex matrices an estimate of the next one is enough
 _MAX_TRIES = 5
 _CORRECTIONS = 2  # largest number of corrections of modes with residuals above the limit
 _EQUAL = 1e-6  # relative difference of components that count as equally large
@@ -175,7 +175,7 @@ def _solve(
         if copies == 2:
             theta, phi_owned = complex_modes(K_L, M, theta, phi_owned)
         return _checked(linearised, theta[:n_modes], phi_owned[:, :n_modes], None, info)
-    n_wanted, search = n_modes + _GUARD // copies * verify, search or ModeSearch(linearised)
+    n_wanted, search = n_modes + _GUARD * (verify and copies == 1), search or ModeSearch(linearised)
     for _ in range(_MAX_TRIES):
         theta, phi_owned, forces, info = search.lowest(n_wanted)
         if len(theta) < n_least:
@@ -183,13 +183,17 @@ def _solve(
                 f"[solver] modes = {n_least}, but the structure has only {len(theta)}: its mass matrix leaves "
                 f"{n_dof - len(theta)} motions without mass"
             )
+        found, info = _with_following(1.0 / theta, info)
+        if verify and len(found) == n_modes and not info.get("complete"):  # no value above them, which the proof needs
+            n_wanted = n_modes + 1
+            continue
         forces = None if forces is None else (forces[0][:, :n_modes], forces[1][:, :n_modes])
         checked = _checked(linearised, theta[:n_modes], phi_owned[:, :n_modes], forces, info)
         if not verify or info.get("complete"):
             return checked
         del forces  # memory: other searches are under way
         _before_proof(linearised)
-        n_below, sigma = find_gap(1.0 / theta, n_modes, _shifts(linearised))
+        n_below, sigma = find_gap(found, n_modes, _shifts(linearised))
         missing = _count_below(linearised, sigma) - n_below
         if missing == 0:
             checked[2].update(_proof(n_below, sigma))
@@ -200,6 +204,12 @@ def _solve(
         f"modes: {counted(n_below, 'mode')} found below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz, where {n_below + missing} lie; "
         "state more [solver] modes"
     )
+
+
+def _with_following(eigenvalues: np.ndarray, info: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any]]:
+    """Return eigenvalues with an estimate of the next one, if it is larger than all of them, and the information without.  Local."""
+    following = [1.0 / theta for theta in info.get("following", ()) if theta < 1.0 / eigenvalues.max()]
+    return np.append(eigenvalues, following), {name: value for name, value in info.items() if name != "following"}
 
 
 def _checked(

@@ -39,10 +39,11 @@ if TYPE_CHECKING:
 PREFIX = "modes_"  # of the PETSc options
 _TRIES = 3  # each in a space twice as large as the last
 _TOLERANCE = 5e-7  # |K_L^-1 M phi - theta phi| / theta before the block of solves that ends a search
+_FOR_PROOF = 1e-3  # the same of the first value that is not wanted, which bounds the shift of the proof from above
 _NO_MASS = 1e-15  # of the largest theta: below it a motion has no mass
 _MOST_ITERATIONS = 200
 _MORE = (12, 1.0)  # vectors of a Krylov space beyond the wanted modes: at least, and per mode
-_MORE_IN_PLANES = (4, 0.4)  # of complex matrices, whose vectors in real form are twice as long
+_MORE_IN_PLANES = (5, 0.4)  # of complex matrices, whose vectors in real form are twice as long
 _MORE_IN_BLOCKS = (12, 1.5, 96)  # for subspace iteration, with a maximum: a pass converges by a ratio of theta
 _SAME = 1e-12  # relative distance of a vector from a multiple of another one whose product is reused
 _BLOCKS = 3  # blocks of the size of the subspace that SLEPc allocates
@@ -97,7 +98,8 @@ class ModeSearch:
         """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 descending, phi^T M phi = I nearly.
 
         With them (K_L phi, M phi), for which phi^T M phi = I to roundoff, or None where they are not known.  If fewer motions
-        have mass, all of them, with "complete" in the dictionary of information on the search.
+        have mass, all of them, with "complete" in the dictionary of information on the search.  "following" in there: an
+        estimate of theta of the next mode of complex matrices, (1,); (): there is none.
 
         Raises
         ------
@@ -176,7 +178,10 @@ class ModeSearch:
         try:
             messages = _solve_with_room(eps, n_sought, n_most, partners)
             theta, phi_owned, info = _converged(eps, linearised)
-            return theta, phi_owned, None if partners is None else partners.next_vector(), info | {"messages": messages}
+            info = info | {"messages": messages}
+            if partners is None:
+                return theta, phi_owned, None, info
+            return theta, phi_owned, partners.next_vector(), info | {"following": partners.following()}
         finally:
             if partners is not None:
                 partners.destroy()
@@ -222,6 +227,7 @@ class _Partners:
         context = M.getPythonContext() if M.getType() == "python" else None
         self._products = context if isinstance(context, _Products) else None
         self._n_used = 0
+        self._following: tuple[float, ...] = ()
 
     def begin(self) -> None:
         """Set all columns after the start vector to 0, before a search whose vectors are allocated."""
@@ -245,6 +251,8 @@ class _Partners:
 
         After a breakdown there is no copy, and a new start vector after the converged ones.
         """
+        following = zip(values[n_converged : n_converged + 1], errors[n_converged:])
+        self._following = tuple(theta.real for theta, error in following if 0.0 < error < _FOR_PROOF)
         last = self._basis.getColumn(len(values))
         copy = last.copy()
         self._basis.restoreColumn(len(values), last)
@@ -252,6 +260,10 @@ class _Partners:
             same = np.flatnonzero(np.abs(self._basis.dotVec(copy)) > 0.5)
         copy.destroy()
         self._forget((same[0] if len(same) else n_converged) + 1)
+
+    def following(self) -> tuple[float, ...]:
+        """Return theta of the first Ritz value that has not converged, if it is accurate enough for the proof.  Local."""
+        return self._following
 
     def next_vector(self) -> np.ndarray:
         """Return the next vector of the basis, (n_owned, 1): the last column.  Local."""

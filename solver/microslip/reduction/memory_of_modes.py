@@ -70,7 +70,7 @@ def memory_of_diameter(sectors: Sectors, n_modes: int, n_dof: int) -> float:
     The space of the search, in real form, and one triangle on the rows that a face depends on.
     """
     n_face = len(np.unique(sectors.unfolding.P[1].indices))
-    return 16.0 * (n_dof * basis_of_planes(n_modes + 1, n_dof) + 0.5 * n_face * (n_face + 1))
+    return 16.0 * (n_dof * basis_of_planes(n_modes, n_dof) + 0.5 * n_face * (n_face + 1))
 
 
 def diameters_together(of_one: float, comm: MPI.Comm) -> int:
