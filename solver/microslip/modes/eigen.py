@@ -207,7 +207,7 @@ def _solve(
 
 
 def _with_following(eigenvalues: np.ndarray, info: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any]]:
-    """Return eigenvalues with an estimate of the next one, if it is larger than all of them, and the information without.  Local."""
+    """Return eigenvalues, with an estimate of the next one if it is larger, and the information without that.  Local."""
     following = [1.0 / theta for theta in info.get("following", ()) if theta < 1.0 / eigenvalues.max()]
     return np.append(eigenvalues, following), {name: value for name, value in info.items() if name != "following"}
 
