@@ -287,6 +287,15 @@ def test_ties_couplings_and_contact(tmp_path):
     assert contact.surfaces == ("FEET", "TOP") and "friction 0.25" in contact.effect
 
 
+@pytest.mark.parametrize("line, inertia", [("1., , , , .2", (1.0, 0.0, 0.0, 0.0, 0.0, 0.2)), (" , 2.", (0.0, 2.0) + 4 * (0.0,))])
+def test_blank_fields_of_an_inertia_are_zero(tmp_path, line, inertia):
+    """A blank field does not move the numbers behind it to another place."""
+    more = "*COUPLING, CONSTRAINT NAME=hub, REF NODE=POLE, SURFACE=CROWN\n*KINEMATIC\n"
+    more += f"*ELEMENT, TYPE=ROTARYI, ELSET=turn\n501, 99\n*ROTARY INERTIA, ELSET=turn\n{line}\n"
+    (point,) = read(tmp_path, CUBE + TWICE + more).connected
+    assert point.inertia == inertia
+
+
 @pytest.mark.parametrize(
     "card",
     [
@@ -477,6 +486,7 @@ FINDINGS = {
     "*TIE, CYCLIC SYMMETRY, NAME=T\nTOP, FEET\n": "*TIE, CYCLIC SYMMETRY",
     "*SURFACE, NAME=three, TYPE=NODE\n5\n6\n7\n*TIE, NAME=T\nFEET, three\n": "*TIE",
     "*SPRING, NONLINEAR, ELSET=CUBE\n\n1., 1.\n": "*SPRING, NONLINEAR",
+    "*ELEMENT, TYPE=SPRING1, ELSET=S\n77, 1\n*SPRING, ELSET=S\n1\n5.\n9., , 100.\n": "*SPRING",
     "*ELEMENT, TYPE=B31, ELSET=BEAM\n77, 1, 2\n": "*ELEMENT, TYPE=B31",
     "*ELEMENT, TYPE=MASS, ELSET=LUMP\n77, 1\n": "*ELEMENT, TYPE=MASS",
     "*BOUNDARY\n1, 1, 1, 0.5\n": "*BOUNDARY",
@@ -631,6 +641,32 @@ def test_loads_before_the_vibration_are_those_at_the_end_of_the_steps(tmp_path):
     assert len(statics.table.forces) == 2 and statics.table.rotation_speed == 0.0
 
 
+SPEED = "*STEP\n*STATIC\n*DLOAD\nCUBE, CENTRIF, {}, 1., 0., 0., 0., 0., 2.\n*END STEP\n"
+
+
+def test_a_later_step_replaces_the_speed_of_a_rotation(tmp_path):
+    """As in Abaqus with OP = MOD; no other finding than the loads at rest."""
+    steps = SPEED.format("1e4") + SPEED.format("4e4")
+    model = read(tmp_path, CUBE + STEEL + steps + VIBRATION)
+    assert model.statics.table.rotation_speed == 200.0
+    assert words(model) == ["*STEP, PERTURBATION"]
+
+
+@pytest.mark.parametrize(
+    "steps, effect",
+    [
+        (SPEED.format("1e4") + SPEED.format("4e4").replace("2.", "-2."), "a second rotation about another axis"),
+        (
+            SPEED.format("1e4").replace("*END", "CUBE, CENTRIF, 1e4, 1., 0., 0., 0., 0., 2.\n*END"),
+            "a second rotation in the same step",
+        ),
+    ],
+)
+def test_a_second_rotation_is_a_finding(tmp_path, steps, effect):
+    findings = read(tmp_path, CUBE + STEEL + steps + VIBRATION).findings
+    assert [finding.effect for finding in findings if finding.word == "*DLOAD, CENTRIF"] == [effect]
+
+
 def test_cards_without_effect_on_the_answer_are_listed_or_ignored(tmp_path):
     step = "*STEP\n*STATIC\n*CLOAD\n1, 1, 1.\n2, 1, 1.\n*CLOAD\n3, 1, 1.\n*NODE PRINT, NSET=ALL\nU\n*OUTPUT, FIELD\n*END STEP\n"
     findings = read(tmp_path, CUBE + STEEL + "*AMPLITUDE, NAME=a\n0., 1.\n*Damping, alpha=3.\n" + step).findings
@@ -720,6 +756,18 @@ BAD = {
         "line 12: it includes '../outside.inp', which lies outside",
     ),
     "an encrypted include": (CUBE + "*INCLUDE, INPUT=job.inp, PASSWORD=x\n", "is encrypted"),
+    "a spring with a direction alone": (
+        CUBE + "*ELEMENT, TYPE=SPRING1, ELSET=S\n9, 1\n*SPRING, ELSET=S\n1\n",
+        "line 14: .SPRING: expected 1 finite number",
+    ),
+    "a mass without a number": (
+        CUBE + "*ELEMENT, TYPE=MASS, ELSET=S\n9, 1\n*MASS, ELSET=S\n , 2.\n",
+        "line 15: .MASS: expected 1 finite number",
+    ),
+    "an inertia of words": (
+        CUBE + "*ELEMENT, TYPE=ROTARYI, ELSET=S\n9, 1\n*ROTARY INERTIA, ELSET=S\n1., x\n",
+        "line 15: .ROTARY INERTIA: expected 6 finite numbers, found '1.,x'",
+    ),
     "a spring without a number": (CUBE + "*ELEMENT, TYPE=SPRING1, ELSET=S\n9, 1\n*SPRING, ELSET=S\n1\nstiff\n", "finite number"),
     "an equation cut short": (
         CUBE + "*EQUATION\n3\n1, 1, 1., 2, 1, 1.\n",

@@ -1,6 +1,6 @@
 """Point masses, springs and dampers: *MASS, *ROTARY INERTIA, *SPRING and *DASHPOT with their elements."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from ...messages.errors import MeshError
 from ...messages.words import counted
 from ...tables.structure import Mass, Spring
 from ..draft import grounded, vector
-from .cards import Card, values_of
+from .cards import Card, number
 from .input_model import InputModel
 from .scopes import Scope
 from .types import OF_DISCRETE
@@ -35,13 +35,22 @@ def take_discrete(model: InputModel) -> None:
             model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, effect, True, part)
 
 
-def _numbers(card: Card, n: int) -> np.ndarray:
-    """Return the numbers of the last data line."""
-    lines = list(card.lines())
-    values = values_of(",".join(word for word in lines[-1][0] if word).encode()) if lines else None
-    if values is None or not 1 <= len(values) or not np.isfinite(values).all():
-        raise MeshError(f"{card.where}: *{card.keyword}: expected {n} finite number{'s' if n > 1 else ''}")
-    return values
+def _numbers(card: Card, n: int, n_first: int = 0) -> np.ndarray:
+    """Return the first ``n`` numbers of the data line after ``n_first`` lines of directions.
+
+    Fields that are blank or missing are 0, as in Abaqus, but one of them must be a number.
+
+    Raises
+    ------
+    MeshError : no such line, no number on it, or an entry that is not a finite number
+    """
+    lines = list(card.lines())[n_first:]
+    words, where = lines[0] if lines else ([], card.where)
+    values = [number(word) if word else 0.0 for word in words[:n]]
+    if not any(words[:n]) or None in values:
+        held = f", found {','.join(words)[:60]!r}" if any(words) else ""
+        raise MeshError(f"{where}: *{card.keyword}: expected {counted(n, 'finite number')}{held}")
+    return np.array([*values, *[0.0] * (n - len(values))], dtype=float)
 
 
 def _take_mass(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
@@ -63,8 +72,8 @@ def _take_mass(model: InputModel, scope: Scope, card: Card, elements: np.ndarray
 
 
 def _take_inertia(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
-    """Take moments of inertia of points: I11, I22, I33, I12, I13, I23."""
-    values = np.concatenate([_numbers(card, 3), np.zeros(6)])[:6]
+    """Take moments of inertia of points: I11, I22, I33, I12, I13, I23; blanks are 0."""
+    values = _numbers(card, 6)
     nodes = model.mesh.nodes_of(elements)
     inertia = tuple(float(values[i]) for i in (0, 1, 2, 3, 5, 4))
     for node in nodes:
@@ -79,31 +88,28 @@ def _take_inertia(model: InputModel, scope: Scope, card: Card, elements: np.ndar
 def _take_spring(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
     """Take linear springs: SPRING1 to ground, SPRING2 between directions, SPRINGA along their line."""
     special = [key for key in ("NONLINEAR", "COMPLEXSTIFFNESS", "ORIENTATION", "RTOL") if key in card.parameters]
-    lines = list(card.lines())
-    if special:
-        model.findings.add(
-            f"*SPRING, {special[0]}", card.where, "springs that are not linear, or in their own axes", True, "springs"
-        )
-        return
-    stiffness = float(_numbers(card, 1)[0])
-    for word, ends in _ends(model, elements):
-        _add_spring(model, card, word, ends, lines, Spring.of_file(groups=(), stiffness=stiffness))
+    _take_links(model, card, elements, special, "stiffness", "springs")
 
 
 def _take_dashpot(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
     """Take linear dampers: DASHPOT1 to ground, DASHPOT2 between directions, DASHPOTA along their line."""
     special = [key for key in card.parameters if key != "ELSET"]
-    dampers = list(_ends(model, elements))
-    n_first = int(any(not word.endswith("A") for word, _ in dampers))  # a line of directions comes first
-    lines = list(card.lines())
-    damping = _numbers(card, 1)
-    if special or len(lines) != n_first + 1 or len(damping) > 1:
-        word = f"*DASHPOT, {special[0]}" if special else "*DASHPOT"
-        effect = "dampers that are not linear, depend on frequency or temperature, or are in their own axes"
-        model.findings.add(word, card.where, effect, True, "springs")
+    _take_links(model, card, elements, special, "damping", "dampers")
+
+
+def _take_links(model: InputModel, card: Card, elements: np.ndarray, special: Sequence[str], key: str, nouns: str) -> None:
+    """Take linear springs or dampers; add a finding for others: with ``special`` parameters, or with a table of values."""
+    links, lines = list(_ends(model, elements)), [words for words, _ in card.lines()]
+    n_first = int(any(not word.endswith("A") for word, _ in links))  # a line of directions comes first
+    values = lines[n_first:]
+    if special or len(values) > 1 or any(word for words in values for word in words[1:]):
+        keyword = f"*{card.keyword}, {special[0]}" if special else f"*{card.keyword}"
+        effect = f"{nouns} that are not linear, depend on frequency or temperature, or are in their own axes"
+        model.findings.add(keyword, card.where, effect, True, "springs")
         return
-    for word, ends in dampers:
-        _add_spring(model, card, word, ends, lines, Spring.of_file(groups=(), damping=float(damping[0])))
+    (value,) = _numbers(card, 1, n_first)
+    for word, ends in links:
+        _add_spring(model, card, word, ends, lines[:n_first], Spring.of_file(groups=(), **{key: float(value)}))
 
 
 def _ends(model: InputModel, elements: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
@@ -115,7 +121,7 @@ def _ends(model: InputModel, elements: np.ndarray) -> Iterator[tuple[str, np.nda
 
 def _add_spring(model: InputModel, card: Card, word: str, ends: np.ndarray, lines: list, spring: Spring) -> None:
     """Add one spring or damper, with the stiffness and damping of ``spring``, between its ends."""
-    dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if not word.endswith("A") and lines else []
+    dofs = [int(field) for field in lines[0][:2] if field.isdigit()] if not word.endswith("A") and lines else []
     of_points = [int(node) in model.points or int(node) in model.turns for node in ends]
     numbers = " and ".join(str(model.mesh.numbers[node]) for node in ends)
     if word == "SPRING1" and of_points == [True] and len(dofs) == 1 and 1 <= dofs[0] <= 6:

@@ -43,11 +43,13 @@ class _Acting:
     temperatures: dict[int, float] = field(default_factory=dict)  # by node
     heated: str = ""  # place of the temperatures in the file
     spin: tuple[float, ...] | None = None  # square of the speed, a point of the axis, its direction
+    has_turned: bool = False  # the step has stated a rotation
     _stated: set[tuple[int, Hashable]] = field(default_factory=set)  # loads that the step has stated
 
     def begin(self, step: Step) -> None:
         """Remove the loads that the step replaces as a whole."""
         self._stated.clear()
+        self.has_turned = False
         for keywords, tables in (
             (("CLOAD",), (self.forces, self.bolts)),
             (("DLOAD", "DSLOAD"), (self.faces, self.surfaces)),
@@ -240,9 +242,10 @@ def _take_rotation(model: InputModel, elements: np.ndarray, words: list[str], wh
             model, "*DLOAD, CENTRIF", where, f"a rotation of {words[0]} alone, or about no axis; [statics] turns everything"
         )
         return
-    if acting.spin not in (None, spin):
-        _add_finding(model, "*DLOAD, CENTRIF", where, "a second rotation")
-    acting.spin = spin
+    if acting.spin is not None and (acting.has_turned or acting.spin[1:] != spin[1:]):
+        which = "in the same step" if acting.has_turned else "about another axis"
+        _add_finding(model, "*DLOAD, CENTRIF", where, f"a second rotation {which}")
+    acting.spin, acting.has_turned = spin, True
 
 
 def _take_pressure(model: InputModel, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
