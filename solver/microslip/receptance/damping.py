@@ -209,8 +209,9 @@ class DynamicFlexibility(Flexibility):
             if damping.S is not None:
                 resistance = resistance + 1j * damping.S[:, None] * (n > 0)
             self.D = w2 - self.n_omega**2 + resistance + further
-            # 1 / D - 1 / w2 without cancellation far below the mode
-            super().__init__((self.n_omega**2 - resistance - further) / (w2 * self.D))
+            # 1 / D - 1 / w2 without cancellation far below the mode; no number at a resonance without damping
+            unbounded, difference = np.full(self.D.shape, np.nan + 0j), self.n_omega**2 - resistance - further
+            super().__init__(np.divide(difference, w2 * self.D, out=unbounded, where=self.D != 0.0))
 
     def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Damping | None = None) -> Flexibility:
         """Return the rate of c_n for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M at sigma = 0, ``d_C``.
