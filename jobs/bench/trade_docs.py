@@ -122,19 +122,17 @@ def stored(name: str) -> Path:
 def chosen(measured: Measured) -> list[list[str]]:
     """Return the rows of the first table: the fastest setting for each target, or the smallest error of the runs."""
     study, known, lines = measured.study, measured.study.reference.floor, []
-    best = min(study.complete, key=lambda run: study.score(run).error, default=None)
     for target in TARGETS:
-        run = study.choice(target) or best
+        run = study.choice(target) or study.most_accurate
         if run is None:
             lines.append(["", f"{100.0 * target:g}", "not reached", "", "", "", ""])
             continue
-        error = study.score(run).error
+        is_chosen = run is study.choice(target)
+        error = study.score(run).error if is_chosen else study.sure_error(run)
         error_text, ratio = f"{100.0 * error:.2g}", f"{error / target:.2g}"
-        if run is not study.choice(target):
-            is_open = error <= target or known > target
-            error_text = (
-                f"not decided: {error_text}, reference known to {100.0 * known:.2g}" if is_open else f"not reached: {error_text}"
-            )
+        if not is_chosen:
+            not_decided = f"not decided: {error_text}, reference known to {100.0 * known:.2g}"
+            error_text = not_decided if study.is_undecided(target) else f"not reached: {error_text}"
         times = (f"{run.cost:.2g}", f"{run.setup:.2g}")
         lines.append(["", f"{100.0 * target:g}", error_text, ratio, *times, ""])
     lines[0][0], lines[0][-1] = f"[{study.title}](#{anchor(study.title)})", f"`microslip trade {measured.scene}`"

@@ -102,6 +102,14 @@ def test_an_inaccurate_reference_permits_no_choice():
     assert [row for row in rows(result) if row[1] == "13"][0].count("< 0.2") >= 1
 
 
+def test_an_error_as_close_to_the_target_as_the_reference_is_known_decides_nothing():
+    """The runs have at least 0.05 %: of a reference known to 0.01 %, 0.045 % is open, 0.03 % is not reached."""
+    result = study(*HARMONICS, floor=1e-4)
+    assert "not decided, the reference itself is known to 0.01 % only; the best is 0.05 % by" in choice_lines(result, 4.5e-4)[0]
+    assert "not decided" in choice_lines(result, 5.5e-4)[0]
+    assert choice_lines(result, 3e-4)[0].startswith("for 0.03 %: not reached; the best is 0.05 % by")
+
+
 def test_a_failed_run_is_reported_and_never_chosen():
     result = study(run("tolerance", "0.1", 0.01, 0.0, failure="3 N ends after 2 points: no convergence", tolerance=0.1))
     assert [entry.parameter for entry in result.front()] == [BASE]

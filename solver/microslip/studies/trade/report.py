@@ -334,14 +334,14 @@ def choice_lines(study: Study, target: float) -> list[str]:
         table = run.setting.table().splitlines()
         lines = [line for line in table if not (study.is_linear and line.startswith(("harmonics", "samples", "tolerance")))]
         return [text, *(f"    {line}" for line in lines), ""]
-    if study.reference.floor > target:
-        known = percent(study.reference.floor)
-        return [f"for {request}: not decided, the reference itself is known to {known} only; raise --seconds", ""]
-    best = min(study.complete, key=lambda run: study.score(run).error, default=None)
+    best = study.most_accurate
     if best is None:
         return [f"for {request}: not reached: no run reached every frequency", ""]
-    error = _known(study.score(best).error, study)
-    return [f"for {request}: not reached; the best is {error} by {best.setting}, {best.cost:.2g} s", ""]
+    error, known = _known(study.sure_error(best), study), percent(study.reference.floor)
+    best_of_all = f"the best is {error} by {best.setting}, {best.cost:.2g} s"
+    if study.is_undecided(target):
+        return [f"for {request}: not decided, the reference itself is known to {known} only; {best_of_all}; raise --seconds", ""]
+    return [f"for {request}: not reached; {best_of_all}", ""]
 
 
 def mesh_lines(study: Study) -> list[str]:

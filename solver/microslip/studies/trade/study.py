@@ -267,6 +267,16 @@ class Study:
         good = [run for run in self.complete if self.sure_error(run) + self.reference.floor <= target]
         return min(good, key=lambda run: run.cost + run.setup) if good else None
 
+    @property
+    def most_accurate(self) -> Run | None:
+        """The run with the smallest sure error; None without a complete one."""
+        return min(self.complete, key=self.sure_error, default=None)
+
+    def is_undecided(self, target: float) -> bool:
+        """Return whether the reference is too inaccurate to tell if a run without choice is within ``target``."""
+        best, floor = self.most_accurate, self.reference.floor
+        return best is not None and (floor > target or self.sure_error(best) - floor <= target)
+
     def best_fixed(self, target: float) -> Run | None:
         """Return the run of fixed settings with the least processor time within ``target``; None without one."""
         good = [
