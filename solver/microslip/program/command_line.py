@@ -161,7 +161,7 @@ def _speeds(text: str) -> tuple[float, ...]:
 
 def _orders(text: str) -> tuple[int, ...]:
     """Return whole numbers of at least 1, ascending."""
-    return tuple(sorted({_count(word.strip()) for word in text.split(",")}))
+    return _ascending(text, [_count(word.strip()) for word in text.split(",")])
 
 
 def _diameters(text: str) -> tuple[int, ...]:
@@ -169,7 +169,14 @@ def _diameters(text: str) -> tuple[int, ...]:
     words = _words(text)
     if not words or not all(word.isdecimal() for word in words):
         raise argparse.ArgumentTypeError(f"{text!r} are not whole numbers of at least 0, separated by commas")
-    return tuple(sorted(set(map(int, words))))
+    return _ascending(text, [int(word) for word in words])
+
+
+def _ascending(text: str, numbers: list[int]) -> tuple[int, ...]:
+    """Return numbers in ascending order, none of them twice."""
+    if len(set(numbers)) < len(numbers):
+        raise argparse.ArgumentTypeError(f"{text!r} holds a number twice")
+    return tuple(sorted(numbers))
 
 
 def _steps(text: str) -> int:

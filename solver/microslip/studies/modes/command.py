@@ -54,6 +54,8 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     ------
     CaseError, MeshError, ResourceError, ConvergenceError : on every rank
     """
+    if request.orders and not request.speeds:
+        raise CaseError("--orders: engine orders meet modes at speeds of rotation; state --speeds A,B, too")
     with log_of(comm, folder / "modes.log", scene, options) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if request.count is None else {"modes": request.count})})
         on_root(comm, remove_files, folder, "campbell.*", "crossings.csv", "interference.png", "modes_diameter_*.vtkhdf")
