@@ -32,7 +32,7 @@ MOST_POINTS = 1000
 CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps beyond a sharp corner at which the branch is sought
 USUAL = 1.0, 0.5, 1.5  # usual steps that lead across a corner too near for shorter ones
 ACROSS = 0.25 * np.pi  # rad by which such a step turns at most
-TENTHS = 0.1 ** np.arange(4)  # of a step, at which the branch is sought by many small Newton steps
+PATIENT = *0.1 ** np.arange(4), 0.5, 1.5, 0.25, 2.0  # of a step, at which the branch is sought by many small Newton steps
 BACK = 0.05  # rad between a step and the reversed last step, below which the step goes back
 FARTHEST = 4.0  # lengths of a requested step that it may have: on the plane normal to it, a turn of 75 degrees
 NEAREST = 1e-3  # lengths of it below which the step is rejected
@@ -260,15 +260,16 @@ def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
 
 
 def patiently_ahead(stuck: Stuck) -> Iterator[WayOn]:
-    """Solve ahead by many small Newton steps, the farthest first, where the mean slip is not regularised.  Collective.
+    """Solve ahead by many small Newton steps, where the mean slip is not regularised.  Collective.
 
+    Near a corner of a joint much stiffer than its structure about one in four of these solves converges: several lengths.
     A point beyond a resonance that no point shows is accepted only if no shorter step converges, with a note.
     """
     solver, (before, now) = stuck.solver, stuck.last_two
     if solver.equation.held is None and solver.is_loose:
         return
     patient, passing = replace(solver, is_patient=True), []
-    for ds in stuck.steps.ds * TENTHS:
+    for ds in stuck.steps.ds * np.array(PATIENT):
         guess, plane = predict(patient, stuck.earlier, before, now, ds)
         solution = patient.solve(guess, plane, now.size, now.selected, now.force)
         if solution[0].failure is None and not left(solver, before, now, solution[0].iterate, ds):
