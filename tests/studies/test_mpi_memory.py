@@ -1,10 +1,12 @@
 """The forecast of memory by `check`: entries of the matrices and of the factor; and rejection by a run."""
 
 import re
+import tracemalloc
 
 import lattices
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from bar_scene import write_bar
 from block_scenes import OF_CALCULIX, write_scene
 from lap_scene import SCENE, write_mesh
@@ -21,8 +23,10 @@ from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
 from microslip.messages.errors import ResourceError
+from microslip.modes.rayleigh import _energies_of_all as energies_of_all
 from microslip.parallel.agree import on_root
 from microslip.reduction import stuck
+from microslip.reduction.memory_of_modes import of_energies
 from microslip.scene.read import read_scene
 from microslip.system.memory import Limit
 
@@ -36,6 +40,18 @@ def parts(comm, path):
     mesh = on_root(comm, read_mesh, scene, file, share=False)
     pairs = on_root(comm, pair_contacts, mesh, scene.joints)
     return distribute(mesh, scene, comm), mesh, pairs, scene
+
+
+def test_memory_of_the_eigenvalues_in_extended_precision_is_foreseen(comm):
+    n, m = 30_000, 20
+    A = lattices.distributed(comm, sp.identity(n, format="csr"), lattices.split_rows(n, comm.size))
+    X_owned = np.ones((A.getLocalSize()[0], m))
+    tracemalloc.start()
+    energies_of_all([(A, X_owned)])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.7 * peak < of_energies(n, m) < 1.5 * peak
+    A.destroy()
 
 
 def entries(matrix):

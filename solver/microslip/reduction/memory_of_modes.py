@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M in PETSc
 ENTERED = 8.0  # one triangle of K_L - sigma M, passed to MUMPS with indices
 MERGED = HELD + ENTERED  # the same while it is assembled from rows of K_L and M
-SHARPENED = 1e8  # bytes of some rows of K_L, copied and in extended precision, for the eigenvalues
 PICKED = 24  # modes assumed if the program chooses their number
 TOGETHER, SHARE = 13, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
 VECTORS = 3  # blocks of the modes' size in addition to the basis of the eigensolver
@@ -38,7 +37,7 @@ def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMem
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
     entries = entries_owned(K)
     proof = 0.0 if factor is None or not settings.verify_modes else of_proof(entries, factor.out_of_core)
-    return vectors + max(proof, SHARPENED)
+    return vectors + max(proof, of_energies(n_dof, n_modes))
 
 
 def refuse_modes(K_L: PETSc.Mat, factor: Factor, settings: ReductionSettings) -> None:
@@ -57,6 +56,11 @@ def refuse_modes(K_L: PETSc.Mat, factor: Factor, settings: ReductionSettings) ->
     refuse_beyond(
         K_L.comm.tompi4py(), needed, f"{settings.where}: {min(settings.modes or PICKED, K_L.getSize()[0])} modes", advice
     )
+
+
+def of_energies(n_dof: int, n_modes: int) -> float:
+    """Return the memory of the modes of all ranks on one, for the eigenvalues: messages, parts and whole [bytes].  Local."""
+    return 32.0 * n_dof * n_modes
 
 
 def of_proof(entries: float, fronts: float) -> float:

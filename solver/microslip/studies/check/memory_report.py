@@ -20,7 +20,7 @@ from ...modes.shift_invert import basis_size
 from ...parallel.agree import on_root
 from ...reduction.facts import Counts
 from ...reduction.galerkin import memory_of_basis
-from ...reduction.memory_of_modes import HELD, PICKED, SHARPENED, VECTORS, of_proof
+from ...reduction.memory_of_modes import HELD, PICKED, VECTORS, of_energies, of_proof
 from ...reduction.methods import METHODS
 from ...scene.schema import Scene
 from ...system.memory import gigabytes, peak_memory
@@ -96,7 +96,7 @@ def _peaks(
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
     fronts = factor.out_of_core if factor is not None else _FRONTS * _by_size(n_dof) / comm.size
     proof = of_proof(entries, fronts) if solver.verify_modes else 0.0
-    stages["modes"] = held + vectors + max(proof, SHARPENED, columns)
+    stages["modes"] = held + vectors + max(proof, of_energies(n_dof, n_modes), columns)
     held += 8.0 * n_owned * n_modes
     facts, counts = METHODS[solver.method].FACTS, Counts(n_modes, n_dof, n_pairs, len(settings.excitation.shapes))
     basis = memory_of_basis(n_owned, facts.coordinates(settings, counts)) if facts.makes_basis else columns
