@@ -49,17 +49,17 @@ from microslip.receptance.motions import output_motion
 
 
 class Laps:
-    """Wall time, processor time and contact evaluations from lap to lap."""
+    """Processor time and contact evaluations from lap to lap."""
 
     def __init__(self, watch: Stopwatch):
         self.watch = watch
         self.lap()
 
-    def lap(self) -> tuple[float, float, int]:
+    def lap(self) -> tuple[float, int]:
         """Return time and evaluations since the last lap."""
-        now = time.perf_counter(), time.process_time(), self.watch.calls["contact"]
+        now = time.process_time(), self.watch.calls["contact"]
         start, self.start = getattr(self, "start", now), now
-        return now[0] - start[0], now[1] - start[1], now[2] - start[2]
+        return now[0] - start[0], now[1] - start[1]
 
 
 def contact_counter() -> Stopwatch:
@@ -130,9 +130,9 @@ def rubin_at(rubin, problem, points, chosen: list[int], tolerance: float, watch:
         newton.seconds_of_measure = 0.0
         laps.lap()
         x, iterations, failure = newton.correct(guess.U, omega, size)
-        wall, cpu, evaluations = laps.lap()
+        cpu, evaluations = laps.lap()
         own = 1.0 - newton.seconds_of_measure / cpu  # without the time of the common residual measure
-        row.add(i, omega, rubin.outputs @ x, Effort(own * wall, own * cpu, evaluations, iterations, 0, newton.unknowns))
+        row.add(i, omega, rubin.outputs @ x, Effort(own * cpu, evaluations, iterations, 0, newton.unknowns))
         row.failure = row.failure or failure
     return row
 
@@ -140,9 +140,9 @@ def rubin_at(rubin, problem, points, chosen: list[int], tolerance: float, watch:
 def rubin_bound(level: float, n_unknowns: int) -> Row:
     """Return a lower bound of plain Rubin's time per point: one dense LU of its size."""
     A, row = np.random.default_rng(1).standard_normal((n_unknowns, n_unknowns)), Row(level, RUBIN_BOUND)
-    wall, cpu = time.perf_counter(), time.process_time()
+    start = time.process_time()
     solve_dense(A, np.ones(n_unknowns))
-    effort = Effort(time.perf_counter() - wall, time.process_time() - cpu, 0, 1, 0, n_unknowns)
+    effort = Effort(time.process_time() - start, 0, 1, 0, n_unknowns)
     row.add(-1, np.nan, np.full((1, 1), np.nan), effort)
     return row
 

@@ -183,6 +183,7 @@ def adaptive(study: Study) -> Page | None:
         Line2D([], [], color=LATE, label="adaptive"),
         Line2D([], [], color=CHECKED, ls="--", label="adaptive, checked in the point"),
     ]
+    handles.append(Line2D([], [], color=FAINT, ls=":", lw=1.0, label="peak of the response"))
     if any(level.rubin for level in levels):
         handles.append(Line2D([], [], color=RUBIN, ls="", marker="D", ms=5, mfc="none", mew=1.3, label="plain Rubin at the peak"))
     heading = (
@@ -247,7 +248,10 @@ def retained(study: Study) -> Page | None:
     idlers = f"in grey those that lose no more than {_joules(EPSILON)}"
     heading = f"pairs retained with \u0394p \u2260 0 along the curve, {level.level:g} N; {idlers}"
     page = Page(study.prepared.scene, heading, WIDTH, 3.0)
-    axes = page.grid(1, 2).subplots(sharey=True, sharex=True)
+    cells = page.grid(1, 3, width_ratios=[1.0, 1.0, 0.03])
+    axes = [page.figure.add_subplot(cells[0, 0])]
+    axes.append(page.figure.add_subplot(cells[0, 1], sharex=axes[0], sharey=axes[0]))
+    axes[1].tick_params(labelleft=False)
     for ax, (name, run) in zip(axes, runs.items()):
         energy, carries = np.array([point.energy for point in run.points])[:, order], run.carries[:, order]
         at, pair = np.nonzero(carries)
@@ -259,7 +263,8 @@ def retained(study: Study) -> Page | None:
         ax.set(xlabel="frequency [Hz]", xlim=_slip_range(level))
         ax.locator_params(axis="x", nbins=5)
     axes[0].set_ylabel("pair, in the order of its loss at the peak")
-    page.figure.colorbar(dots, ax=axes, label="friction loss [J a cycle]", aspect=30, pad=0.02)
+    scale_at = page.figure.add_subplot(cells[0, 2])  # the layout has room for labels on the left of axes
+    page.figure.colorbar(dots, cax=scale_at, ticklocation="left", label="friction loss [J a cycle]")
     return page
 
 
@@ -409,7 +414,7 @@ def tolerance_summary(study: Study) -> Page | None:
         ("|error of the peak|", lambda run, exact: abs(peak_error(run, exact))),
         ("unknowns, mean of the curve", lambda run, exact: run.unknowns.mean()),
         (
-            "pairs with \u0394p \u2260 0 held stuck at the peak",
+            "pairs with \u0394p \u2260 0 assumed stuck at the peak",
             lambda run, exact: run.dropped[min(exact.peak, len(run.dropped) - 1)],
         ),
     ]
@@ -443,7 +448,7 @@ def steps(study: Study) -> Page | None:
         Line2D([], [], color=INK, marker="o", ms=3.5, label="largest difference on the curve / peak"),
         Line2D([], [], color=INK, ls=":", marker="s", ms=3.5, mfc="white", label="|error of the peak|"),
     ]
-    heading = "adaptive without check: the error of updating from the previous point, by number of points"
+    heading = f"adaptive without check: the error of updating from the previous point ({FLOOR:g} or less at the foot)"
     page = Page(study.prepared.scene, heading, WIDTH, 2.6, handles)
     axes = page.grid(1, 2).subplots(sharey=True)
     for ax, rule in zip(axes, (ARC, EQUAL)):

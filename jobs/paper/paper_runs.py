@@ -27,6 +27,7 @@ from microslip.fourier.coefficients import amplitude
 from microslip.messages.errors import ConvergenceError
 from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs
 from microslip.studies.compare.report import differences
+from microslip.system.memory import peak_memory
 
 LU_SIZES = (100, 200, 500, 1000, 2000, 4000)  # unknowns at which one dense LU is timed
 EPSILON = 1e-10  # J a cycle and pair, the paper's
@@ -71,7 +72,7 @@ class Run:
         return np.array(self.row.unknowns)
 
     def total(self, name: str) -> float:
-        """Return the sum over the points of ``wall``, ``cpu``, ``newton`` or ``evaluations``."""
+        """Return the sum over the points of ``cpu``, ``newton`` or ``evaluations``."""
         return float(np.sum(getattr(self.row, name)))
 
 
@@ -136,7 +137,7 @@ class Study:
     steps: list[Step]
     rubin_size: int  # unknowns of plain Rubin
     lu: dict[int, float] = field(default_factory=dict)  # processor time of one dense LU by unknowns [s]
-    seconds: dict[str, float] = field(default_factory=dict)  # wall time of each part
+    parts: dict[str, tuple[float, float]] = field(default_factory=dict)  # processor time [s] and peak memory [MiB] by part
 
     @property
     def slipping(self) -> list[Level]:
@@ -170,22 +171,22 @@ def study(prepared: Prepared, tolerances: Sequence[float], steps: Sequence[int],
     for n in sorted({n for n in LU_SIZES if n < most} | {most, size} - {n for n in (size,) if n > MOST_LU}):
         whole.lu[n] = one_lu(n)
     clock.lap("dense LU of some sizes")
-    whole.seconds = clock.seconds
+    whole.parts = clock.parts
     return whole
 
 
 class Clock:
-    """Wall time of each part, printed as it ends."""
+    """Processor time of each part and peak memory until its end, printed then."""
 
     def __init__(self, say: Callable[[str], None]):
-        self.say, self.start = say, time.perf_counter()
-        self.seconds: dict[str, float] = {}
+        self.say, self.start = say, time.process_time()
+        self.parts: dict[str, tuple[float, float]] = {}
 
     def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.seconds[name] = now - self.start
+        now = time.process_time()
+        self.parts[name] = now - self.start, peak_memory() / 2**20
         self.start = now
-        self.say(f"{name:<60}{self.seconds[name]:>8.1f} s")
+        self.say(f"{name:<60}{self.parts[name][0]:>8.1f} s{self.parts[name][1]:>8,.0f} MiB")
 
 
 def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], clock: Clock) -> Level:

@@ -149,29 +149,29 @@ ENERGY = {
     "difference of the losses": lambda study, level: difference_of_losses(level),
 }
 METHODS = {
-    "improved": lambda study, level: duration(level.improved.total("wall")),
+    "improved": lambda study, level: duration(level.improved.total("cpu")),
     "Newton steps of the improved": lambda study, level: f"{newton(level.improved):,}",
-    "original": lambda study, level: duration(level.adaptive.total("wall")),
+    "original": lambda study, level: duration(level.adaptive.total("cpu")),
     "Newton steps of the original": lambda study, level: f"{newton(level.adaptive):,}",
     "points": lambda study, level: str(len(level.adaptive.points)),
     "speed-up a step": lambda study, level: f"{gain_of_step(study, level):.2f}",
     "with dense algebra": lambda study, level: f"{gain_dense(study, level):.2f}",
-    "speed-up of the level": lambda study, level: f"{level.adaptive.total('wall') / level.improved.total('wall'):.2f}",
+    "speed-up of the level": lambda study, level: f"{level.adaptive.total('cpu') / level.improved.total('cpu'):.2f}",
 }
 WITH_RUBIN = {
     "points": lambda study, level: str(len(level.reference.points)),
     "Newton steps of the full set": lambda study, level: f"{newton(level.reference):,}",
-    "Rubin: a step": lambda study, level: duration(rubin_step(study, "cpu")),
-    "Rubin: the level": lambda study, level: duration(newton(level.reference) * rubin_step(study, "wall")),
+    "Rubin: a step": lambda study, level: duration(rubin_step(study)),
+    "Rubin: the level": lambda study, level: duration(newton(level.reference) * rubin_step(study)),
     "adaptive: unknowns, mean": lambda study, level: f"{level.adaptive.unknowns.mean():,.0f}",
     "Newton steps": lambda study, level: f"{newton(level.adaptive):,}",
     "adaptive: a step": lambda study, level: duration(a_step(level.adaptive)),
-    "adaptive: the level": lambda study, level: duration(level.adaptive.total("wall")),
+    "adaptive: the level": lambda study, level: duration(level.adaptive.total("cpu")),
     "speed-up a step": lambda study, level: times(speed_of_step(study, level)),
     "speed-up of the level": lambda study, level: times(speed_of_level(study, level)),
-    "`receptance`: the level": lambda study, level: duration(level.reference.total("wall")),
+    "`receptance`: the level": lambda study, level: duration(level.reference.total("cpu")),
     "speed-up of `receptance`": lambda study, level: times(
-        newton(level.reference) * rubin_step(study, "wall") / level.reference.total("wall")
+        newton(level.reference) * rubin_step(study) / level.reference.total("cpu")
     ),
 }
 DENSE = {
@@ -192,7 +192,7 @@ DENSE = {
 
 
 def summary(study: Study) -> list[str]:
-    """Return the paper's numbers beside those measured here."""
+    """Return the paper's numbers and those measured here."""
     first, last, top = study.levels[0], study.levels[-1], (study.slipping or study.levels)[-1]
     rows = [
         ("error of the peak, original, by level", f"-{percent(PEAK_ERROR)} at 8 N", peaks(study, "adaptive")),
@@ -290,7 +290,7 @@ def seconds_checked(level: Level) -> str:
 
 
 def seconds_of(*runs: Run) -> str:
-    return ", ".join(f"{run.total('wall'):.3g}" for run in runs)
+    return ", ".join(f"{run.total('cpu'):.3g}" for run in runs)
 
 
 def tolerance(study: Study) -> list[str]:
@@ -314,7 +314,7 @@ def tolerance(study: Study) -> list[str]:
                 ]
             )
     titles = ("level, N", "\u03b5, J", "difference, largest", "of the peak", "unknowns, mean", "most", "pairs in B at the peak")
-    return table((*titles, "held stuck with \u0394p \u2260 0", "their friction loss, largest, over that of all"), rows)
+    return table((*titles, "assumed stuck with \u0394p \u2260 0", "their friction loss, largest, over that of all"), rows)
 
 
 def share_lost(run: Run) -> float:
@@ -342,10 +342,9 @@ def steps(study: Study) -> list[str]:
 
 
 def parts(study: Study) -> list[str]:
-    """Return seconds and memory of each part of the study."""
-    rows = [[stage.name, f"{stage.seconds:.1f}", f"{stage.memory:,.0f}"] for stage in study.prepared.stages]
-    rows += [[name, f"{seconds:.1f}", ""] for name, seconds in study.seconds.items()]
-    return table(("part", "s", "MiB then"), rows)
+    """Return processor time and memory of each part of the study."""
+    rows = [[name, f"{seconds:.1f}", f"{mebibytes:,.0f}"] for name, (seconds, mebibytes) in study.parts.items()]
+    return table(("part", "s", "peak MiB until its end"), rows)
 
 
 # -- steps and their times ----------------------------------------------------------------------------------------------
@@ -360,22 +359,22 @@ def a_step(run: Run) -> float:
     return run.total("cpu") / max(newton(run), 1)
 
 
-def rubin_step(study: Study, clock: str) -> float:
-    """Return the seconds of a Newton step of plain Rubin, "cpu" or "wall"; if not solved, of one LU of its size."""
+def rubin_step(study: Study) -> float:
+    """Return the processor time of a Newton step of plain Rubin [s]; if not solved, of one LU of its size."""
     rows = [level.rubin for level in study.levels if level.rubin and sum(level.rubin.newton)]
     if not rows:
         return float(study.lu_seconds(study.rubin_size))
-    return sum(sum(getattr(row, clock)) for row in rows) / sum(sum(row.newton) for row in rows)
+    return sum(sum(row.cpu) for row in rows) / sum(sum(row.newton) for row in rows)
 
 
 def speed_of_step(study: Study, level: Level) -> float:
     """Return how many times less processor time a Newton step of `adaptive` takes than one of plain Rubin."""
-    return rubin_step(study, "cpu") / a_step(level.adaptive)
+    return rubin_step(study) / a_step(level.adaptive)
 
 
 def speed_of_level(study: Study, level: Level) -> float:
-    """Return the same of the wall time of the level; plain Rubin's is the time of its step times the steps of the full set."""
-    return newton(level.reference) * rubin_step(study, "wall") / level.adaptive.total("wall")
+    """Return the same of the whole level; plain Rubin's is the time of its step times the steps of the full set."""
+    return newton(level.reference) * rubin_step(study) / level.adaptive.total("cpu")
 
 
 def dense_seconds(study: Study, run: Run) -> float:

@@ -161,7 +161,7 @@ def test_pairs_with_a_common_node_are_rejected():
 def row_of(level, method, indices, milliseconds, responses, unknowns=10):
     row = Row(level, method)
     for i, response in zip(indices, responses):
-        row.add(i, 100.0 + i, np.array([[0.0, response]]), Effort(2e-3 * milliseconds, 1e-3 * milliseconds, 3, 2, 4, unknowns))
+        row.add(i, 100.0 + i, np.array([[0.0, response]]), Effort(1e-3 * milliseconds, 3, 2, 4, unknowns))
     return row
 
 

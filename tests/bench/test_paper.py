@@ -2,16 +2,20 @@
 
 import re
 import sys
+from itertools import combinations
 from pathlib import Path
 
 import lap_scene
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
 
 from microslip.contact.law import OPEN
+from microslip.results.style import RC
 
 sys.path.append(str(Path(__file__).parents[2] / "jobs" / "paper"))
 
@@ -68,7 +72,7 @@ def test_a_scene_of_matrices_needs_no_mesh_and_no_rubin(tmp_path):
     study = chain_study(tmp_path, [1.0, 10.0], [0.0], [12], band=(530.0, 590.0))
     lines = paper_tables.tables(study)
     assert paper_figures.modes(study) is None and study.levels[0].rubin is None
-    assert paper_tables.rubin_step(study, "cpu") == study.lu_seconds(study.rubin_size)  # a lower bound
+    assert paper_tables.rubin_step(study) == study.lu_seconds(study.rubin_size)  # a lower bound
     assert not NOT_A_NUMBER.search(str(lines))
 
 
@@ -80,6 +84,20 @@ def test_dropped_pairs_are_counted(tmp_path):
     assert level.reference.dropped.max() == 0 and level.checked.dropped.max() == 0
     assert paper_runs.errors(all_dropped, level.reference).max() > 1e-3
     assert paper_runs.errors(level.checked, level.reference).max() < 1e-6
+
+
+def test_no_axes_of_a_figure_overlap(tmp_path):
+    study = chain_study(tmp_path, [1.0, 10.0], [0.0, 1e-3], [12], band=(530.0, 590.0))
+    figures = ("adaptive", "retained", "losses", "tolerance_response", "tolerance_size", "tolerance_summary", "steps")
+    for name in figures:
+        with matplotlib.rc_context(RC):
+            figure = getattr(paper_figures, name)(study).figure
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        boxes = [ax.get_tightbbox(canvas.get_renderer()) for ax in figure.axes]
+        assert len(boxes) > 1 and all(0.0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes), name
+        for one, other in combinations(boxes, 2):
+            assert one.x1 <= other.x0 + 1 or other.x1 <= one.x0 + 1 or one.y1 <= other.y0 + 1 or other.y1 <= one.y0 + 1, name
 
 
 def test_time_of_a_dense_step_is_interpolated():
