@@ -26,6 +26,7 @@ ROOT = Path(__file__).parents[2]
 READING = "model file and pairs"
 SET_UP = (READING, "partition", "assembly", "factor of the stuck structure", "modes", "reduction")
 POINT = "a point of the response"
+MORE = (4, 16, 64)  # ranks of the least times
 Stages = dict[str, tuple[float, float]]  # s, and MiB of all ranks at its end, by name
 
 
@@ -64,9 +65,15 @@ def gain(times: list[float]) -> list[str]:
     return [*map(seconds, times), f"{times[0] / times[-1]:.2f}"]
 
 
+def shared(ranks: list[int], times: list[float]) -> tuple[float, float]:
+    """Return the parts a and p [s] of T = a + p / ranks through the first and the last time; p = 0 where more ranks gain nothing."""
+    p = max((times[0] - times[-1]) / (1.0 / ranks[0] - 1.0 / ranks[-1]), 0.0)
+    return times[0] - p / ranks[0], p
+
+
 def tables(sizes: dict[str, dict[int, Stages]]) -> dict[str, list[str]]:
     """Return the page's tables by name, from the stages of each size and number of ranks."""
-    made, rows = {}, []
+    made, rows, least = {}, [], []
     for size, runs in sizes.items():
         ranks, first = [f"{n} rank{'s' if n > 1 else ''}" for n in runs], next(iter(runs.values()))
         memory = [[f"{run[name][1]:,.0f}" for run in runs.values()] for name in first]
@@ -78,7 +85,10 @@ def tables(sizes: dict[str, dict[int, Stages]]) -> dict[str, list[str]]:
         points, target = [run[POINT][0] for run in runs.values()], [*runs][-1] / [*runs][0]
         for what, values in (f"set-up of {size}", sums), (f"a point of {size}", points):
             rows.append([what, f"{target:g}", *gain(values), f"{target * values[-1] / values[0]:.2f}"])
+            alone, p = shared([*runs], values)
+            least.append([what, *map(seconds, (alone, p, *(alone + p / n for n in MORE)))])
         made["summary"] = table(("what", "target, speed-up", *times, "speed-up", "ratio"), rows)
+        made["least"] = table(("what", "not shared, a", "shared, p", *(f"{n} ranks" for n in MORE)), least)
     return made
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 from page_tables import MARKED
-from scaling import POINT, SET_UP, stages_of, tables
+from scaling import POINT, SET_UP, shared, stages_of, tables
 from sources import ROOT
 
 
@@ -16,6 +16,16 @@ def test_tables_are_those_of_the_page():
     n = 2.0 * len(SET_UP)
     assert f"| set-up of paper | 2 | {n:.3g} s | {n / 2:.3g} s | 2.00 | 1.00 |" in made["summary"]
     assert "| a point of small | 2 | 30 ms | 30 ms | 1.00 | 2.00 |" in made["summary"]
+    assert made["least"][2:4] == [
+        "| set-up of small | 0 ms | 12 s | 3 s | 750 ms | 188 ms |",
+        "| a point of small | 30 ms | 0 ms | 30 ms | 30 ms | 30 ms |",
+    ]
+
+
+def test_the_parts_of_a_time_are_those_of_amdahls_law():
+    assert shared([1, 2], [5.0 + 8.0, 5.0 + 8.0 / 2]) == pytest.approx((5.0, 8.0))
+    assert shared([2, 8], [5.0 + 8.0 / 2, 5.0 + 8.0 / 8]) == pytest.approx((5.0, 8.0))
+    assert shared([1, 2], [3.0, 4.0]) == (3.0, 0.0)  # slower on two ranks
 
 
 @pytest.mark.slow
