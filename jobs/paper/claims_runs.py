@@ -44,8 +44,8 @@ class Setting:
         parts += [f"sliders start at {self.start:g}\u00b0 of the load"] if self.start else []
         parts += [f"H = {self.harmonics}"] if self.harmonics else []
         parts += [f"Newton's tolerance {self.tolerance:g}"] if self.tolerance else []
-        parts += [f"original keeps \u0394p over {100.0 * self.slack:g} % of \u03bc N0"] if self.slack else []
-        parts += ["original keeps what slips or opens in the last period"] if self.settled else []
+        parts += [f"original retains \u0394p over {100.0 * self.slack:g} % of \u03bc N0"] if self.slack else []
+        parts += ["original retains what slips or opens in the last period"] if self.settled else []
         return parts[-1]
 
     def of(self, method: str) -> Setting:

@@ -121,7 +121,7 @@ def draw(trials: Sequence[Trial], scene) -> Page:
                 if followed:
                     ax.plot(followed.omega / (2.0 * np.pi), np.maximum(followed.error, FLOOR), style, color=colour, lw=1.0)
             ax.set(yscale="log", xlabel="frequency [Hz]", ylim=(FLOOR / 2.0, 1.0))
-            ax.set_title(trial.setting.name.replace("original keeps ", "original keeps\n"), loc="left")
+            ax.set_title(trial.setting.name.replace("original retains ", "original retains\n"), loc="left")
             ax.locator_params(axis="x", nbins=5)
         low, high = _where_pairs_slip(shown)
         axes[0].set_xlim(low, high)
