@@ -1,9 +1,9 @@
 """The memory that `microslip check` predicts for a run, stage by stage, compared with that of the run.
 
-    python jobs/bench/memory.py [SCENE.toml ...] [--ranks 1 2] [--out DIR]
+    python jobs/bench/memory.py [SCENE.toml ...] [--ranks 1 2] [--out DIR] [--page docs/costs.md]
 
 Scenes are jobs/fan_small.toml, jobs/lap_joint.toml and jobs/fan_paper.toml by default.  Each is checked and run on each number of
-ranks (mpirun, or $MPIRUN), in separate jobs.  Prints tables and writes memory.json in DIR (results/bench_memory).
+ranks (mpirun, or $MPIRUN), in separate jobs.  Prints a table, also into a page, and writes memory.json in DIR (results/bench_memory).
 Both numbers are the peak resident memory of all ranks together until the end of a stage.
 """
 
@@ -25,7 +25,7 @@ import sys
 from pathlib import Path
 
 import machine
-from page_tables import table
+from page_tables import put, table
 
 SCENES = ("jobs/fan_small.toml", "jobs/lap_joint.toml", "jobs/fan_paper.toml")
 FORESEEN = re.compile(r"^ {11}(\S.*?) {2,}(\d+) +(\d+)( measured)?$")
@@ -70,15 +70,16 @@ def measure(scene: str, ranks: int, folder: Path) -> dict:
     return {"scene": Path(scene).stem, "ranks": ranks, "stages": rows}
 
 
-def rows_of(one: dict) -> list[str]:
-    """Return the table of a scene on a number of ranks."""
-    rows = [
-        [stage["stage"], *(f"{all_of:,.0f}" for all_of in of_all), f"{stage['ratio']:.2f}", *(f"{most:,.0f}" for most in of_most)]
-        for stage in one["stages"]
-        for of_all, of_most in [zip(stage["foreseen"], stage["taken"])]
-    ]
-    head = f"{one['scene']}, {one['ranks']} rank{'s' * (one['ranks'] > 1)}"
-    return ["", head, "", *table(("stage", "foreseen, MiB", "taken", "ratio", "largest rank, foreseen", "taken"), rows)]
+def measured(runs: list[dict]) -> list[str]:
+    """Return the table of all runs: the measured memory of all ranks by stage, and the ratio of the estimate to it."""
+    titles, cells = ["stage"], {stage["stage"]: [stage["stage"]] for run in runs for stage in run["stages"]}
+    for run in runs:
+        titles += [f"{run['scene']}, {run['ranks']} rank{'s' * (run['ranks'] > 1)}", "ratio"]
+        by_name = {stage["stage"]: stage for stage in run["stages"]}
+        for name, row in cells.items():
+            stage = by_name.get(name)
+            row += [f"{stage['taken'][0]:,.0f}", f"{stage['ratio']:.2f}"] if stage else ["", ""]
+    return table(titles, cells.values())
 
 
 def main() -> int:
@@ -86,11 +87,15 @@ def main() -> int:
     parser.add_argument("scenes", nargs="*", default=list(SCENES))
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--out", type=Path, default=Path("results/bench_memory"))
+    parser.add_argument("--page", type=Path, help="page of the documentation that gets the table")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     runs = [measure(scene, ranks, options.out) for scene in options.scenes for ranks in options.ranks]
     (options.out / "memory.json").write_text(json.dumps(runs, indent=1))
-    print(*(line for one in runs for line in rows_of(one)), "", *machine.lines(machine.facts()), sep="\n")
+    lines = measured(runs)
+    print(*lines, "", *machine.items(), sep="\n")
+    if options.page:
+        put(options.page, {"memory": lines, "memory_machine": machine.items()})
     worst = max(abs(stage["ratio"] - 1.0) for one in runs for stage in one["stages"])
     print(f"at worst {worst:.0%} off")
     return int(worst > WITHIN)

@@ -22,5 +22,13 @@ def test_stages_of_both_are_compared():
     assert [one["stage"] for one in comparison] == ["partition", "factor of the stuck structure"]
     assert comparison[1]["foreseen"] == (253.0, 130.0) and comparison[1]["taken"] == (220.0, 120.0)
     assert comparison[1]["ratio"] == pytest.approx(1.15)
-    lines = memory.rows_of({"scene": "fan_small", "ranks": 2, "stages": comparison})
-    assert "fan_small, 2 ranks" in lines and "| factor of the stuck structure | 253 | 220 | 1.15 | 130 | 120 |" in lines
+    runs = [
+        {"scene": "fan_small", "ranks": 1, "stages": comparison},
+        {"scene": "lap_joint", "ranks": 2, "stages": comparison[1:]},
+    ]
+    assert memory.measured(runs) == [
+        "| stage | fan_small, 1 rank | ratio | lap_joint, 2 ranks | ratio |",
+        "| --- | ---: | ---: | ---: | ---: |",
+        "| partition | 160 | 1.01 |  |  |",
+        "| factor of the stuck structure | 220 | 1.15 | 220 | 1.15 |",
+    ]

@@ -31,7 +31,7 @@ from .sectors import Sectors
 from .system import System
 
 FREE = "no [[supports]]: the structure is free, and its rigid-body motion is part of the response"
-ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them
+ASSEMBLED = 30.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them
 
 
 def assemble(

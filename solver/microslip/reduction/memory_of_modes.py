@@ -12,6 +12,7 @@ from ..guards.memory import memory_left, refuse_beyond
 from ..linear.analysis import FactorMemory
 from ..linear.dense import entries_owned
 from ..linear.factor import Factor
+from ..linear.joint_springs import ANALYSED
 from ..modes.shift_invert import basis_of_planes, basis_size
 from .settings import ReductionSettings
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 # bytes per entry of K, of the arrays in memory at the same time; M has a third of the entries
 HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M in PETSc
 ENTERED = 8.0  # one triangle of K_L - sigma M, passed to MUMPS with indices
-MERGED = HELD + ENTERED  # the same while it is assembled from rows of K_L and M
 PICKED = 24  # modes assumed if the program chooses their number
 TOGETHER, SHARE = 13, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
 VECTORS = 3  # blocks of the modes' size in addition to the basis of the eigensolver
@@ -36,7 +36,7 @@ def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMem
     n_modes = min(settings.modes or PICKED, n_dof)
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
     entries = entries_owned(K)
-    proof = 0.0 if factor is None or not settings.verify_modes else of_proof(entries, factor.out_of_core)
+    proof = 0.0 if factor is None or not settings.verify_modes else of_proof(entries, factor.out_of_core, K.comm.size)
     return vectors + max(proof, of_energies(n_dof, n_modes))
 
 
@@ -63,9 +63,9 @@ def of_energies(n_dof: int, n_modes: int) -> float:
     return 32.0 * n_dof * n_modes
 
 
-def of_proof(entries: float, fronts: float) -> float:
-    """Return the memory of the proof that no mode is missing: K_L - sigma M as passed to MUMPS, then with its fronts.  Local."""
-    return max(MERGED * entries, ENTERED * entries + fronts)
+def of_proof(entries: float, fronts: float, n_ranks: int) -> float:
+    """Return the memory of the proof that no mode is missing: K_L - sigma M passed to MUMPS, with its graph or fronts.  Local."""
+    return max(ANALYSED[n_ranks > 1] * entries, ENTERED * entries + fronts)
 
 
 def memory_of_diameter(sectors: Sectors, n_modes: int, n_dof: int) -> float:

@@ -95,7 +95,7 @@ def _peaks(
     columns = min(8.0 * 128 * n_dof, COLUMNS) * (n_owned / max(n_dof, 1) + (comm.rank == 0))
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
     fronts = factor.out_of_core if factor is not None else _FRONTS * _by_size(n_dof) / comm.size
-    proof = of_proof(entries, fronts) if solver.verify_modes else 0.0
+    proof = of_proof(entries, fronts, comm.size) if solver.verify_modes else 0.0
     stages["modes"] = held + vectors + max(proof, of_energies(n_dof, n_modes), columns)
     held += 8.0 * n_owned * n_modes
     facts, counts = METHODS[solver.method].FACTS, Counts(n_modes, n_dof, n_pairs, len(settings.excitation.shapes))
