@@ -149,18 +149,17 @@ class Comparison:
 
     # -- files --------------------------------------------------------------------------------------------------------
 
-    def write(self, head: list[str], folder: Path) -> list[str]:
-        """Write the tables of bench_methods.md, the numbers and the plot; return the table of all methods and levels."""
+    def write(self, head: list[str], folder: Path, page: Path) -> list[str]:
+        """Write the numbers into a folder, tables and plot into a page; return the table of all methods and levels."""
         folder.mkdir(parents=True, exist_ok=True)
         records = list(self.records())
         methods = table(TITLES, map(cells, records), words=2)
-        page = {"summary": summary(records), "machine": [f"- {line}" for line in head], "methods": methods}
-        put(folder / "bench_methods.md", page)
+        put(page, {"summary": summary(records), "machine": [f"- {line}" for line in head], "methods": methods})
         with open(folder / "bench_methods.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS)
             writer.writeheader()
             writer.writerows(records)
-        self.draw(folder / "img" / "bench_methods.png")
+        self.draw(page.parent / "img" / "bench_methods.png")
         return methods
 
     def draw(self, path: Path) -> None:

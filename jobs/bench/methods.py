@@ -1,9 +1,10 @@
 """Methods compared on one scene: the same points, law, tangents and tolerance.
 
-    python jobs/bench/methods.py [SCENE.toml] [--levels 1 15] [--points 98] [--dense-points 8] [--rubin-points 2] [--out DIR]
+    python jobs/bench/methods.py [SCENE.toml] [--levels 1 15] [--points 98] [--dense-points 8] [--rubin-points 2]
+        [--out DIR] [--page docs/bench_methods.md]
 
-SCENE is jobs/fan_paper.toml by default; `python jobs/bench/methods.py --out docs` makes the table and the plot of docs/.
-Writes bench_methods.csv, the tables of bench_methods.md and img/bench_methods.png in DIR (results/bench).
+SCENE is jobs/fan_paper.toml by default.  Writes bench_methods.csv in DIR (results/bench); its tables and the plot
+img/bench_methods.png go there too, or with --page into that page and its folder.
 
 At each level a run of `receptance` by arc length selects the frequencies.  There, every method is solved from its own last two
 points: `receptance`, `adaptive`, `adaptive-energy`; the condensed full set by dense Newton (all pairs, relative DOFs); plain
@@ -204,6 +205,7 @@ def main() -> None:
     parser.add_argument("--dense-points", type=int, default=8, help="points of the condensed full set a level; 0: all")
     parser.add_argument("--rubin-points", type=int, default=2, help="points of plain Rubin a level; 0: none, one LU instead")
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
+    parser.add_argument("--page", type=Path, help="page that gets the tables, and img/ beside it the plot; in DIR unless given")
     options = parser.parse_args()
     prepared = prepare(options.scene, MPI.COMM_SELF, options.points)
     for stage in prepared.stages:
@@ -214,7 +216,7 @@ def main() -> None:
         solved = at_level(prepared, rubin, level, options.dense_points, options.rubin_points)
         print(f"level {level:g} N: " + ", ".join(f"{row.method} {1e3 * row.mean('cpu'):.3g} ms" for row in solved), flush=True)
         rows += solved
-    print(*Comparison(rows).write(head, options.out), sep="\n")
+    print(*Comparison(rows).write(head, options.out, options.page or options.out / "bench_methods.md"), sep="\n")
 
 
 if __name__ == "__main__":
