@@ -17,7 +17,7 @@ import microslip  # selects the kernels of OpenBLAS before NumPy is loaded
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -36,11 +36,19 @@ class Discs:
     n_discs: int = 10
     share: float = 0.9  # of the discs that may reach the amplitude
 
+    @cached_property
+    def structure(self) -> microslip.Structure:
+        """The structure of one of the discs: the others have the same factor, modes and static columns.  Collective."""
+        return microslip.build(self.drawn(0.01, 1))
+
+    def drawn(self, scatter: float, seed: int) -> microslip.Scene:
+        """Return the scene of one disc."""
+        return microslip.read(self.scene, [f"cyclic.scatter.{self.quantity}={scatter}", f"cyclic.scatter.seed={seed}"])
+
     def worst_blade(self, scatter: float, seed: int) -> float:
         """Return the largest amplitude of all blades of one disc, in the unit of the output.  Collective."""
-        scene = microslip.read(self.scene, [f"cyclic.scatter.{self.quantity}={scatter}", f"cyclic.scatter.seed={seed}"])
-        with microslip.build(scene) as structure:
-            response = microslip.respond(structure, levels=scene.response.levels[:1])
+        scene = self.drawn(scatter, seed)
+        response = microslip.respond(self.structure.with_sectors(scene), levels=scene.response.levels[:1])
         if response.failures:
             raise SystemExit(f"scatter {scatter:g}, seed {seed}: {response.failures}")
         return max(float(response[name].peaks[1][0]) for name in response.outputs)

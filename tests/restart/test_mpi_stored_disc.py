@@ -9,6 +9,7 @@ from discs import write_sector
 from mpi4py import MPI
 
 from microslip.parallel.agree import on_root
+from microslip.results.fields import read_fields
 from microslip.results.read import read_results
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -104,3 +105,45 @@ def test_a_run_that_lost_its_last_files_continues_with_the_same_numbers(shared_p
     assert not STAGE_OF_MODES.search(log)
     np.testing.assert_array_equal(continued, at)
     np.testing.assert_array_equal(same, response)
+
+
+BLADES = "stiffness = 0.01, density = 0.005, friction = 0.1"
+CONTACT = "friction = 0.1, contact_stiffness = 0.05"
+
+
+@pytest.mark.parametrize("scatter", [BLADES, pytest.param(CONTACT, marks=pytest.mark.ranks(1))])
+def test_discs_whose_sectors_differ_in_other_ways_share_the_disc_of_identical_sectors(shared_path, program, monkeypatch, scatter):
+    """With other differences, from the cache and from the folder of the run: the numbers are those of a first run, fields too."""
+    monkeypatch.setenv("MICROSLIP_CACHE", str(shared_path / "cache"))
+    how = {"engine_order": 1, "whole": True, "blades": ["blade"]}
+    end = (
+        END.replace("fields = false\n", "")
+        .replace("modes = 12", "modes = 6")
+        .replace("error_bars = false\n", "")
+        .replace("[20.0]", "[4.0]")
+    )
+    scene = on_root(COMM, lambda: write_sector(shared_path, 5, end, friction=0.05, wave=how))
+    _, _, first = run(program, scene, shared_path / "first", "--set", f"cyclic.scatter={{{scatter}, seed = 1}}")
+    other = ("--set", f"cyclic.scatter={{{scatter}, seed = 2}}")
+    at, cached, log = run(program, scene, shared_path / "second", *other)
+    assert "modes of all nodal diameters" in first and "modes of all nodal diameters" not in log
+    assert log.count("the disc of identical sectors is that of an earlier run") == log.count("cyclic: sectors differ by") == 1
+    monkeypatch.setenv("MICROSLIP_CACHE", "off")
+    at_without, without, log = run(program, scene, shared_path / "third", *other)
+    assert "modes of all nodal diameters" in log
+    np.testing.assert_allclose(at, at_without, rtol=1e-8)
+    np.testing.assert_allclose(cached, without, atol=1e-8 * np.abs(without).max())
+    fields = [read_fields(str(shared_path / name / "results.h5")) for name in ("second", "third")]
+    (moved,), (expected,) = ([motion.u for motion in each.peaks.values()] for each in fields)
+    np.testing.assert_allclose(moved, expected, atol=1e-6 * np.abs(expected).max())
+
+    def lose_levels():
+        for path in (shared_path / "third" / "restart").glob("level-*"):
+            shutil.rmtree(path)
+        (shared_path / "third" / "results.h5").unlink()
+
+    on_root(COMM, lose_levels)
+    at_again, again, log = run(program, scene, shared_path / "third", *other)
+    assert "the disc of identical sectors is that of this folder" in log and "modes of all nodal diameters" not in log
+    np.testing.assert_array_equal(at_again, at_without)
+    np.testing.assert_array_equal(again, without)

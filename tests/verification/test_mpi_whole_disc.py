@@ -1,5 +1,6 @@
 """A disc with the pairs of all sectors, [cyclic] whole, compared with the same full ring; on any number of ranks."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,8 @@ from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.library.response import Response
+from microslip.library.sweep import sweep
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.points.error_parts import total
 from microslip.points.peak import top_of_curve
@@ -162,6 +165,48 @@ def test_the_response_of_different_blades_with_slip_is_that_of_the_ring(shared_p
     np.testing.assert_allclose(of_whole, of_ring, atol=1e-4 * np.abs(of_ring).max())
     ring.close()
     whole.close()
+
+
+def test_a_disc_with_other_differences_of_its_sectors_is_that_of_its_own_scene(shared_path):
+    """From the factor and the modes of the first disc; a scene that differs in more is refused."""
+    N, frequency = 6, 1436.0
+    solved = end(8, 20.0, frequency, samples=64)
+    wave = {"whole": True, "blades": ["blade"], "engine_order": 1}
+    path = on_root(COMM, lambda: write_sector(shared_path, N, solved, wave=wave, friction=0.05))
+    scenes = [read_scene(path, [f"cyclic.scatter={{stiffness=0.02, friction=0.1, load=0.1, seed={seed}}}"]) for seed in (1, 2)]
+    first, second = (build(scene, COMM) for scene in scenes)
+    shared = first.with_sectors(scenes[1])
+    expected, n_slip, _ = at_frequency(second, 20.0, frequency)
+    found, n_slip_of_shared, _ = at_frequency(shared, 20.0, frequency)
+    assert n_slip == n_slip_of_shared > N
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+    assert np.abs(at_frequency(first, 20.0, frequency)[0] - expected).max() > 1e-3 * np.abs(expected).max()
+    shared.close()  # the first disc is as before
+    for setting in ("joints.root.friction=0.06", "cyclic.engine_order=2"):
+        with pytest.raises(CaseError, match="only scatter, sector and table of"):
+            first.with_sectors(read_scene(path, [*scenes[1].settings, setting]))
+    alike_blades = build(read_scene(path, ["cyclic.scatter={friction=0.1, seed=1}"]), COMM)
+    with pytest.raises(CaseError, match="the blades differ only if they differ there"):
+        alike_blades.with_sectors(scenes[0])
+    for structure in (first, second, alike_blades):
+        structure.close()
+
+
+def test_a_sweep_of_the_differences_of_sectors_has_the_modes_of_its_disc(shared_path, monkeypatch):
+    N, level = 4, 0.05
+    solved = re.sub(r"frequencies = .*\nat = .*", "mode = 1\nspan = [0.97, 1.03]", end(8, level, 1420.0, samples=32))
+    wave = {"whole": True, "blades": ["blade"], "engine_order": 1}
+    path = on_root(COMM, lambda: write_sector(shared_path, N, solved, wave=wave))
+    scenes = [read_scene(path, [f"cyclic.scatter={{stiffness=0.005, load=0.2, seed={seed}}}"]) for seed in (1, 2)]
+    structure, other = (build(scene, COMM) for scene in scenes)
+    monkeypatch.setattr("microslip.library.sample_peaks.build", None)
+    table = sweep(structure, {"cyclic.scatter.seed": [1, 2]})
+    curves = [Response(each, follow(each.response)).level(level) for each in map(prepare, (structure, other))]
+    tops = [top_of_curve(curve.frequency, np.hypot(*curve.response[:, 0, 1:3].T))[1] for curve in curves]
+    np.testing.assert_allclose(table.amplitude, tops, rtol=2e-3)
+    assert abs(tops[0] - tops[1]) > 0.01 * tops[0]
+    structure.close()
+    other.close()
 
 
 def test_a_run_writes_fields_of_different_sectors(shared_path, program):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
-from ..mesh.sector_factors import factors_of, notes_on_sectors, pairs_of_all_sectors
+from ..mesh.sector_factors import SectorFactors, factors_of, notes_on_sectors, pairs_of_all_sectors
 from ..messages.errors import CaseError
 from ..messages.words import counted
 from ..modes.eigen import Modes
@@ -33,14 +33,15 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.petsc import everyone, free
 from ..points.band import frequency_band
+from ..receptance.circulant import Waves
 from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import PICKED, diameters_together, memory_of_diameter, memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
-from ..reduction.mistuning import with_first_modes, with_static_shapes
+from ..reduction.mistuning import FORMS, BladeForms, blade_forms, with_first_modes, with_static_shapes
 from ..reduction.stuck import Factored, ModesOf, OnDemand, StuckStructure, static_response
 from ..reduction.whole_disc import WholeDisc, forget_all_faces, of_all_sectors, with_other_blades
-from ..results.whole_disc import turns, whole_mesh
+from ..results.whole_disc import turns, whole_numbers
 from ..scene.schema import Scene
 from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
@@ -112,6 +113,46 @@ class WholeStructure(WholeDisc, Structure):
     """The stuck structure of a scene whose disc has sectors that may differ."""
 
     alike: Structure  # of the same disc with alike sectors, from one sector
+
+    shares: bool = False  # whether factor and matrices are those of another structure, which frees them
+
+    def with_sectors(self, scene: Scene) -> WholeStructure:
+        """Return the disc of a scene that differs from this one in its sectors alone, with the same factor, modes and columns.
+
+        Collective: small matrices of all modes.  Valid until this structure is closed.
+
+        Raises
+        ------
+        CaseError : the scene differs in more, or its blades differ and those of this disc do not; invalid factors; on every rank
+        """
+        if not self.shares_modes_with(scene):
+            raise CaseError(
+                f"{scene.source}: with_sectors: only scatter, sector and table of [cyclic] may be others than those of the disc "
+                "that was built, and the blades differ only if they differ there; build the structure of this scene"
+            )
+        disc = whole_disc(self._alike, scene, factors_of_sectors(scene, self.comm), RunLog(self.comm, screen=False))
+        return replace(disc, shares=True)
+
+    def shares_modes_with(self, scene: Scene) -> bool:
+        """Return whether a scene differs in its sectors alone, with blades that differ only if those of this disc do.
+
+        Collective.
+        """
+        whole = [self.scene, scene]
+        if not all(each.cyclic is not None and each.cyclic.whole for each in whole):
+            return False
+        first, second = (each.model_dump(exclude={"cyclic": {"scatter", "sector", "table"}}) for each in whole)
+        has_forms = (FORMS, self.tuned[0].projected) in self.tuned[0].results
+        return first == second and (has_forms or not factors_of_sectors(scene, self.comm).changes_blades)
+
+    @property
+    def _alike(self) -> list[Structure]:
+        return [each for each in self.tuned if isinstance(each, Structure)]
+
+    def close(self) -> None:
+        """Free the factors and the matrices, unless they are those of another structure.  Collective."""
+        if not self.shares:
+            super().close()
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +290,8 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     if cyclic is None:
         return _stuck(parts, log)
     if cyclic.whole:
-        return whole_disc(parts, log)
+        factors = factors_of_sectors(parts.scene, parts.rest.system.comm)
+        return whole_disc(tuned_disc(parts, factors.changes_blades, log), parts.scene, factors, log)
     groups: PerGroup[Structure] = PerGroup(
         lambda d: of_diameter(parts, d, groups, log),  # type: ignore[arg-type]  # its groups are whole numbers
         cyclic.diameter,
@@ -285,7 +327,7 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     if 2 * d > n:
         return groups.of_group(n - d).of_conjugate(d)
     log.note(f"nodal diameter {d}")
-    parts = _at_diameter(parts, d)
+    parts = at_diameter(parts, d)
     linearised = factor_of(parts, log)
     with log.stage("modes"):
         structure, notes = _with_modes(parts, linearised, groups=groups, group=d, conjugate=conjugate_of(d, n))
@@ -294,7 +336,7 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     return structure
 
 
-def _at_diameter(parts: Assembled, d: int, explicit: bool = True) -> Assembled:
+def at_diameter(parts: Assembled, d: int, explicit: bool = True) -> Assembled:
     """Return the parts at a nodal diameter, up to half of the sectors.  Collective.
 
     K and M of half of the sectors have entries only if ``explicit``.
@@ -304,8 +346,51 @@ def _at_diameter(parts: Assembled, d: int, explicit: bool = True) -> Assembled:
     return parts if d == 0 else replace(parts, rest=replace(parts.rest, system=system.sectors.system(d, explicit)))
 
 
-def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
-    """Return the structure of a disc whose sectors may differ, from those of all nodal diameters of alike ones.  Collective.
+def factors_of_sectors(scene: Scene, comm: MPI.Comm) -> SectorFactors:
+    """Return the values of each sector of a disc relative to the model.  Collective.
+
+    Raises
+    ------
+    CaseError : of the table or the scatter, or of what takes part in the state of rest; on every rank
+    """
+    assert scene.cyclic is not None, "a disc"
+    factors = on_root(comm, factors_of, scene.cyclic, scene.path)
+    if scene.statics is not None and factors.contact_that_differs:
+        raise CaseError(
+            f"{scene.path}: [cyclic] with [statics]: the state of rest is that of alike sectors, and "
+            f"{factors.contact_that_differs} of a sector takes part in it; leave [statics] out and state preload in Pa, or let "
+            "stiffness, density and load differ"
+        )
+    return factors
+
+
+def tuned_disc(parts: Assembled, changes_blades: bool, log: RunLog) -> list[Structure]:
+    """Return the structures of a disc of identical sectors, of the nodal diameters 0, 1, ..., N // 2.  Collective.
+
+    If ``changes_blades``, with static shapes as last modes and with :class:`BladeForms` among the results of diameter 0.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank
+    """
+    cyclic, sectors = parts.scene.cyclic, parts.rest.system.sectors
+    assert cyclic is not None, "a disc"
+    tuned = _alike(parts, cyclic, log)
+    if not changes_blades or sectors is None or sectors.blades is None:
+        return tuned
+    n_modes = [each.n_modes for each in tuned]
+    with log.stage("static shapes of blades that differ"):
+        for d, each in enumerate(tuned):
+            tuned[d] = with_static_shapes(each, sectors.blades)
+    with log.stage("matrices of blades that differ"):
+        forms = blade_forms(tuned, Waves(cyclic.sectors), sectors.blades, n_modes)
+    tuned[0].results[FORMS, tuned[0].projected] = forms
+    free(*sectors.blades)
+    return tuned
+
+
+def whole_disc(tuned: Sequence[Structure], scene: Scene, factors: SectorFactors, log: RunLog) -> WholeStructure:
+    """Return the structure of a disc whose sectors may differ, from the disc of identical sectors.  Collective.
 
     The modes of each diameter are chosen as if the loads excited it.
 
@@ -313,41 +398,33 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
     ------
     CaseError, ResourceError : on every rank
     """
-    scene, cyclic = parts.scene, parts.scene.cyclic
+    cyclic, first = scene.cyclic, tuned[0]
     assert cyclic is not None, "a disc"
-    factors = on_root(parts.rest.system.comm, factors_of, cyclic, scene.path)
-    if scene.statics is not None and factors.contact_that_differs:
-        raise CaseError(
-            f"{scene.path}: [cyclic] with [statics]: the state of rest is that of alike sectors, and "
-            f"{factors.contact_that_differs} of a sector takes part in it; leave [statics] out and state preload in Pa, or let "
-            "stiffness, density and load differ"
-        )
-
-    alike = tuned = _alike(parts, cyclic, log)
+    for note in on_root(first.comm, notes_on_sectors, cyclic, scene.path):
+        log.note(note)
+    forms: BladeForms | None = first.results.get((FORMS, first.projected))
     wave = cyclic.with_keys(whole=False, sector=(), table=None, scatter=None, blades=None)
 
     def of_index(d: int) -> Structure:
-        structure = replace(alike[min(d, cyclic.sectors - d)], groups=one_sector)
+        of_diameter = tuned[min(d, cyclic.sectors - d)]
+        if forms is not None:
+            of_diameter = with_first_modes(of_diameter, int(forms.n_modes[min(d, cyclic.sectors - d)]))
+        structure = replace(of_diameter, groups=one_sector)
         return structure.of_conjugate(d) if 2 * d > cyclic.sectors else structure
 
     make: Callable = of_index
     one_sector: PerGroup[StuckStructure] = PerGroup(make, wave.diameter, wave.diameters)
-    blades = None if parts.rest.system.sectors is None else parts.rest.system.sectors.blades
-    if factors.changes_blades and blades is not None:
-        with log.stage("static shapes of blades that differ"):
-            shaped = [with_static_shapes(each, blades) for each in tuned]
-        alike = [with_first_modes(each, before.n_modes) for each, before in zip(shaped, tuned)]  # in the same memory
-        tuned = [replace(each, groups=one_sector) for each in shaped]
-    assert parts.rest.system.dof is not None, "of a mesh"
-    whole = pairs_of_all_sectors(parts.rest.pairs, len(parts.rest.system.dof), cyclic, factors, scene.path)
+    tuned = [replace(each, groups=one_sector) for each in tuned]
+    numbers = first.comm.bcast(first.numbers)
+    assert numbers is not None, "of a mesh"
+    pairs = pairs_of_all_sectors(first.pairs, len(numbers), cyclic, factors, scene.path)
     leads = np.array([load.harmonic * cyclic.wave_number for load in scene.loads for _ in load.phases])
     with log.stage("static columns of all sectors"):
-        fields = of_all_sectors(tuned, whole, leads, factors.load)
-    if factors.changes_blades and blades is not None:
+        fields = of_all_sectors(tuned, pairs, leads, factors.load)
+    if forms is not None:
         with log.stage("modes of blades that differ"):
-            fields = with_other_blades(fields, tuned, blades, (factors.stiffness, factors.density))
+            fields = with_other_blades(fields, tuned, forms, (factors.stiffness, factors.density))
     forget_all_faces(tuned)  # memory of the response
-    free(*(blades or ()))
     gc.collect()  # of the structures before, which refer to each other
     give_back()
     return WholeStructure(
@@ -356,9 +433,30 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
         turns=turns(cyclic),
         diameter=min(cyclic.diameter(1), cyclic.diameter(-1)),
         scene=scene,
-        has_mesh=tuned[0].has_mesh,
-        numbers=None if parts.mesh is None else whole_mesh(parts.mesh, cyclic).numbers,
+        has_mesh=first.has_mesh,
+        numbers=whole_numbers(numbers, cyclic.sectors) if first.comm.rank == 0 else None,
     )
+
+
+def all_diameters(parts: Assembled) -> list[Assembled]:
+    """Return the parts at the nodal diameters 0, 1, ..., N // 2 of a disc whose sectors may differ.  Collective."""
+    assert parts.scene.cyclic is not None, "a disc"
+    return [at_diameter(parts, d, explicit=False) for d in range(parts.scene.cyclic.sectors // 2 + 1)]
+
+
+def factors_of_diameters(of_diameters: Sequence[Assembled], log: RunLog) -> list[Linearised]:
+    """Return the stuck structures of all nodal diameters, factored.  Collective.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank
+    """
+    systems, pairs = [_to_factor(each, log) for each in of_diameters], of_diameters[0].rest.pairs
+    with log.stage("factor of the stuck structure"):  # one pass over the factor of the sector tests all of them
+        factored = in_lockstep([partial(linearise, system, pairs, str(of_diameters[0].scene.path)) for system in systems])
+    for d, (parts, linearised) in enumerate(zip(of_diameters, factored)):
+        _note_factor(parts, linearised, log, f"nodal diameter {d}: ")
+    return factored
 
 
 def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> list[Structure]:
@@ -369,14 +467,8 @@ def _alike(parts: Assembled, cyclic: Cyclic, log: RunLog) -> list[Structure]:
     N, sectors = cyclic.sectors, parts.rest.system.sectors
     notes: dict[int, list[str]] = {}
     waves = [cyclic.with_keys(engine_order=d, nodal_diameter=None, wave=None, whole=False) for d in range(N // 2 + 1)]
-    of_waves = [
-        _at_diameter(replace(parts, scene=parts.scene.with_keys(cyclic=w)), d, explicit=False) for d, w in enumerate(waves)
-    ]
-    systems = [_to_factor(each, log) for each in of_waves]
-    with log.stage("factor of the stuck structure"):  # one pass over the factor of the sector tests all of them
-        factored = in_lockstep([partial(linearise, each, parts.rest.pairs, str(parts.scene.path)) for each in systems])
-    for d, linearised in enumerate(factored):
-        _note_factor(of_waves[d], linearised, log, f"nodal diameter {d}: ")
+    of_waves = [replace(each, scene=parts.scene.with_keys(cyclic=w)) for each, w in zip(all_diameters(parts), waves)]
+    factored = factors_of_diameters(of_waves, log)
 
     def alike(d: int) -> Structure:
         if 2 * d > N:
@@ -532,8 +624,7 @@ def from_mesh(
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, scene, file, share=False)
         pairs = on_root(comm, pair_contacts, mesh, scene.joints, scene.cyclic)
-    of_sectors = on_root(comm, notes_on_sectors, scene.cyclic, scene.path)
-    for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes, *of_sectors):
+    for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes):
         log.note(note)
     with log.stage("partition"):
         shares = distribute(mesh, scene, comm)

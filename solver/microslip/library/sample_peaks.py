@@ -41,7 +41,7 @@ from ..points.selection import AllPairs
 from ..receptance.reduced_model import ReducedModel
 from ..scene.overrides import words_of
 from ..scene.schema import Scene
-from .build import Structure, build
+from .build import Structure, WholeStructure, build
 from .peak_curves import number_of_joint
 from .prepare import Prepared, prepare
 from .respond import prepared_with, scene_with, with_modes_for
@@ -517,8 +517,15 @@ class SamplePeaks:
             self.close()
             kinds = ("build", "law") if as_built else ("build",)
             scene = self.varied.scene_at(values, *kinds)
-            self._built = key, build(scene, self.reference.comm, None)
+            self._built = key, self._of_scene(scene)
         return self._built[1]
+
+    def _of_scene(self, scene: Scene) -> Structure:
+        """Return the structure of a scene; of a disc that differs in its sectors alone, with the modes of the reference."""
+        disc = self.reference
+        if isinstance(disc, WholeStructure) and disc.shares_modes_with(scene):
+            return disc.with_sectors(scene)
+        return build(scene, disc.comm, None)
 
     def _prepare(self, structure: Structure, scene: Scene, key: Any, factors: np.ndarray | None = None) -> Prepared:
         """Return a structure prepared with another scene; the last one is stored."""

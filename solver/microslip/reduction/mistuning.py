@@ -7,7 +7,7 @@ solved again in the computed modes.  The contribution of the truncated modes rem
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
 
@@ -23,7 +23,7 @@ from ..parallel.ownership import summed
 from ..receptance.circulant import ColumnsOfOtherModes, Waves
 from ..receptance.modes import ProjectedModes
 from ..receptance.static_response import StaticResponse
-from .stuck import OnDemand, StuckStructure
+from .stuck import Factored, OnDemand, StuckStructure
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -68,15 +68,26 @@ def with_static_shapes(stuck: Stuck, blades: tuple[PETSc.Mat, PETSc.Mat]) -> Stu
 
 
 def with_first_modes(stuck: Stuck, n_modes: int) -> Stuck:
-    """Return the structure with its first modes only, as views of their arrays.  Collective if they must be computed first."""
-    factored = stuck.factored()
-    return replace(
-        stuck,
-        projected=stuck.projected.first(n_modes),
-        n_modes=n_modes,
-        n_proved=min(stuck.n_proved, n_modes),
-        factored=OnDemand.of(replace(factored, modes=first_of(factored.modes, n_modes))),
-    )
+    """Return the structure with its first modes only, as views of their arrays.  Local."""
+
+    def factored() -> Factored:
+        all_modes = stuck.factored()
+        return replace(all_modes, modes=first_of(all_modes.modes, n_modes))
+
+    n_proved, projected = min(stuck.n_proved, n_modes), stuck.projected.first(n_modes)
+    return replace(stuck, projected=projected, n_modes=n_modes, n_proved=n_proved, factored=OnDemand(factored, is_stored=False))
+
+
+@dataclass(frozen=True, eq=False)
+class BladeForms:
+    """The stiffness and the mass of the blade of a sector in all modes of a disc of identical sectors: of eq. (17.5)."""
+
+    K: np.ndarray  # (M, M) V^T K_b V, with real and imaginary parts of all modes in V
+    M: np.ndarray  # (M, M) V^T M_b V
+    n_modes: np.ndarray  # of each nodal diameter, without its static shapes
+
+
+FORMS = "blade forms"  # key of the forms among the results of nodal diameter 0
 
 
 def _ritz(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -88,10 +99,13 @@ def _ritz(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return squares, U @ Q
 
 
-def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PETSc.Mat, PETSc.Mat]) -> list[np.ndarray]:
-    """Return V^T K_b V and V^T M_b V of the blade of a sector, (M, M) each, with real and imaginary parts of all modes in V.
+def blade_forms(
+    tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PETSc.Mat, PETSc.Mat], n_modes: Sequence[int]
+) -> BladeForms:
+    """Return the forms of the blade of a sector in the modes of a tuned disc with static shapes.
 
-    Collective: gathers of the modes, and products.  ``blades`` are K_b and M_b on the rows of the nodes.
+    Collective: gathers of the modes, and products.  ``blades`` are K_b and M_b on the rows of the nodes; ``n_modes`` are those
+    of each diameter without its static shapes.
     """
     copies = [1 if waves.is_real(d) else 2 for d in waves.diameters]
     ends = np.cumsum([0, *(m * each.n_modes for m, each in zip(copies, tuned))])
@@ -102,7 +116,8 @@ def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PET
         V[:, start : start + each.n_modes] = owned.real
         if m == 2:
             V[:, start + each.n_modes : start + 2 * each.n_modes] = owned.imag
-    return [_form(tuned[0].comm, matrix, V, of_blade, ends) for matrix in blades]
+    K, M = (_form(tuned[0].comm, matrix, V, of_blade, ends) for matrix in blades)
+    return BladeForms(K, M, np.array(n_modes))
 
 
 def _form(comm: MPI.Comm, matrix: PETSc.Mat, V: np.ndarray, of_blade: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -134,7 +149,7 @@ def _on_nodes(stuck: StuckStructure, matrix: PETSc.Mat) -> np.ndarray:
 
 
 def changed_modes(
-    tuned: Sequence[StuckStructure], waves: Waves, forms: Sequence[np.ndarray], factors: Sequence[np.ndarray]
+    tuned: Sequence[StuckStructure], waves: Waves, forms: BladeForms, factors: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies (M,), ascending, and modes (M, M) of a disc with changed blades, in its tuned modes: eq. (17.5).
 
@@ -149,13 +164,13 @@ def changed_modes(
 
 
 def _solved(
-    omega_n: np.ndarray, waves: Waves, n_modes: Sequence[int], forms: Sequence[np.ndarray], factors: Sequence[np.ndarray]
+    omega_n: np.ndarray, waves: Waves, n_modes: Sequence[int], forms: BladeForms, factors: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     K, M = np.diag(omega_n**2), np.eye(len(omega_n))
     for s in range(waves.n_sectors):
         L = _in_sector(waves, n_modes, s)
-        K += (factors[0][s] - 1.0) * (L.T @ forms[0] @ L)
-        M += (factors[1][s] - 1.0) * (L.T @ forms[1] @ L)
+        K += (factors[0][s] - 1.0) * (L.T @ forms.K @ L)
+        M += (factors[1][s] - 1.0) * (L.T @ forms.M @ L)
     try:
         squares, X = scipy.linalg.eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
     except np.linalg.LinAlgError:

@@ -32,14 +32,12 @@ from ..receptance.sector_products import SectorProducts
 from ..receptance.springs import SpringChange
 from ..receptance.static_response import StaticResponse
 from ..receptance.truncated_modes import TruncatedModes, of_samples
-from .mistuning import blade_forms, changed_modes, with_modes_changed
+from .mistuning import BladeForms, changed_modes, with_modes_changed
 from .settings import ModalDamping
 from .stuck import StuckStructure
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
-
-    from petsc4py import PETSc
 
     from ..assembly.system import System
 
@@ -125,7 +123,7 @@ def tuned_modes(tuned: Sequence[StuckStructure], waves: Waves, weights: np.ndarr
 
 
 def with_other_blades(
-    fields: Mapping[str, Any], tuned: Sequence[StuckStructure], blades: tuple[PETSc.Mat, PETSc.Mat], factors: Sequence[np.ndarray]
+    fields: Mapping[str, Any], tuned: Sequence[StuckStructure], forms: BladeForms, factors: Sequence[np.ndarray]
 ) -> dict[str, Any]:
     """Return the fields of a disc with changed stiffness and mass of its blades, from the fields of the tuned disc.  Collective.
 
@@ -137,7 +135,7 @@ def with_other_blades(
     """
     comm, projected = fields["comm"], fields["projected"]
     waves = Waves(len(factors[0]))
-    omega_n, X = changed_modes(tuned, waves, blade_forms(tuned, waves, blades), factors)
+    omega_n, X = changed_modes(tuned, waves, forms, factors)
     of_before = fields["of_tuned"].T @ X
     after = in_coordinates(projected, omega_n, of_before)
     dF = (of_before / omega_n**2) @ of_before.T - np.diag(projected.omega_n**-2.0)
@@ -301,18 +299,22 @@ def _spectrum(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> Iter
 
 
 def forget_faces(stuck: StuckStructure) -> None:
-    """Free the factor on the faces of a nodal diameter, computed again when needed.  Collective if K_L is not there."""
-    solver = stuck.factor.solver
-    if isinstance(solver, DiameterFactor):
+    """Free the factor on the faces of a nodal diameter, if it is computed; computed again when needed.  Local."""
+    if (solver := _solver_of(stuck)) is not None:
         solver.forget()
 
 
+def _solver_of(stuck: StuckStructure) -> DiameterFactor | None:
+    """Return the factor of a nodal diameter, if it is computed and shared with others.  Local."""
+    solver = None if stuck.factored.value is None else stuck.factor.solver
+    return solver if isinstance(solver, DiameterFactor) else None
+
+
 def forget_all_faces(disc: Sequence[StuckStructure]) -> None:
-    """Free the same of all nodal diameters, and what they share for proofs and static columns.  Collective if as above."""
-    for stuck in disc:
-        forget_faces(stuck)
-        if isinstance(stuck.factor.solver, DiameterFactor):
-            stuck.factor.solver.of_sector.forget()
+    """Free the same of all nodal diameters, and what they share for proofs and static columns.  Local."""
+    for solver in filter(None, map(_solver_of, disc)):
+        solver.forget()
+        solver.of_sector.forget()
 
 
 def _forces_of_other_springs(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:

@@ -84,7 +84,8 @@ class Restart:
         """Return the checkpoints in the folder of a run, none if ``fresh``; ``shared`` is the cache of set-ups, if any."""
         path = folder / NAME
         identity, notes, finished = on_root(comm, checked_read, path, _opened, path, scene, options, fresh)
-        cache = None if shared is None else Cache(comm, shared, identity.structure)
+        is_whole = scene.cyclic is not None and scene.cyclic.whole
+        cache = None if shared is None else Cache(comm, shared, identity.setup if is_whole else identity.structure)
         return cls(comm, path, scene, identity, notes, finished, cache, fresh)
 
     def noting(self, more: Iterable[str]) -> Restart:
@@ -101,8 +102,6 @@ class Restart:
         if cyclic is None:
             self._set_ups = [set_up]
             structure = set_up.structure(build)
-        elif cyclic.whole:  # its sectors may differ: built again
-            structure = build()
         else:
             disc = StoredDisc(set_up)
             self._set_ups, structure = disc.set_ups, disc.structure()

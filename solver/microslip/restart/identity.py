@@ -13,6 +13,7 @@ from typing import Any
 
 from ..contact.laws import ELASTIC_COULOMB, LAWS
 from ..library.input_files import fingerprint, input_files
+from ..scene.inputs import SECTOR_TABLE
 from ..scene.schema import Scene
 from ..system.versions import program_hash, versions
 from ..version import __version__
@@ -20,6 +21,7 @@ from ..version import __version__
 Tables = dict[str, Any]
 _OF_RESPONSE = ("samples", "tolerance")  # keys of [solver] that the set-up does not depend on
 _NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping", "wear")
+_OF_SECTORS = ("scatter", "sector", "table")  # of [cyclic]: how sectors differ
 _RANGE = ("frequencies", "mode", "span")  # of [response]
 _AT_REST = "loads at rest"  # key in ``files``: the model file may have the loads of [statics]
 _PERTURBED, _LOADED = re.compile(rb"(?i)perturbation"), re.compile(rb"(?i)\*\s*(c|d|d\s*s)\s*load")
@@ -54,16 +56,20 @@ class Identity:
     def setup(self) -> str:
         """The key of the set-up: all inputs except the inputs of only the response.
 
-        It includes the range even with stated modes, because a note of the set-up reports whether they cover the range.
+        It includes the range even with stated modes, because a note of the set-up reports whether they cover the range.  That
+        of a disc whose sectors may differ is the disc of identical sectors.
         """
-        scene, response = dict(self.scene), dict(self.scene["response"])
+        scene, response, files = dict(self.scene), dict(self.scene["response"]), self.files
+        if (cyclic := scene.get("cyclic", {})).get("whole"):
+            scene["cyclic"] = {key: value for key, value in cyclic.items() if key not in _OF_SECTORS}
+            files = {name: content for name, content in files.items() if not name.startswith(SECTOR_TABLE)}
         solver = {key: value for key, value in scene.pop("solver", {}).items() if key not in _OF_RESPONSE}
         for name in ("title", "continuation", "wear"):
             scene.pop(name, None)
         chosen_by = {key: response[key] for key in _RANGE if key in response}
         if "modes" not in solver:
             chosen_by["level"] = max(response["levels"])
-        return self._key({**scene, "solver": solver, "response": chosen_by})
+        return self._key({**scene, "solver": solver, "response": chosen_by}, files)
 
     @property
     def structure(self) -> str:
@@ -107,8 +113,8 @@ class Identity:
         scene = {name: table for name, table in self.scene.items() if name not in ("title", "wear")}
         return scene, {key: value for key, value in self.scene["response"].items() if key not in keys}
 
-    def _key(self, scene: Tables) -> str:
-        whole = [scene, self.files, self.program, self.options]
+    def _key(self, scene: Tables, files: Mapping[str, str] | None = None) -> str:
+        whole = [scene, self.files if files is None else files, self.program, self.options]
         return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:24]
 
     def differences(self, other: Identity) -> list[str]:

@@ -6,6 +6,7 @@ A disc has one for each nodal diameter in use (stored_disc.py).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -57,6 +58,7 @@ class SetUp:
     name: str = "the set-up"  # in notes
     large: Large | None = None  # of a nodal diameter: computes the large parts
     of_group: Mapping[str, Any] = field(default_factory=dict)  # of a nodal diameter: fields of its structure
+    has_choices: bool = False  # whether the place in the cache depends on the pairs and on what the modes are chosen by
     _notes: list[str] = field(default_factory=list)  # that a continued run repeats
     _modes: Path | None = None  # file of its modes in the cache, if they are from there
     _stored: tuple[Structure, Basis | None, list[int]] | None = None  # the structure in the folder, its basis and extent
@@ -84,7 +86,7 @@ class SetUp:
         stored = on_root(self.comm, self.files.read)
         if stored is None:
             return None
-        with self.log.stage("structure from this folder"):
+        with self._stage("structure from this folder"):
             structure = checked_read(self.path, self._structure_of, self.files, stored)
             basis = checked_read(self.path, basis_of, *stored)
             if basis is not None:
@@ -103,17 +105,23 @@ class SetUp:
         if stored is None:
             return None
         texts = stored[1]
-        with self.log.stage("structure from the cache"):
-            structure = self._structure_of(cache.files, stored)
-            pairs = structure.pairs if texts["is_at_rest"] else pairs_for(self.scene, structure.pairs, texts["joints"], self.comm)
+        with self._stage("structure from the cache"):
+            structure, self._notes = self._structure_of(cache.files, stored), texts["notes"]
+            has_pairs = texts["is_at_rest"] or self.has_choices
+            pairs = structure.pairs if has_pairs else pairs_for(self.scene, structure.pairs, texts["joints"], self.comm)
             if pairs is None:
                 return None
             cache.files.columns.restore(structure.statics.G_static, is_known=False)
-            structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(self.scene))
-        self._notes = [*(note for note in texts["notes"] if not note.startswith(_WHY)), why]
+            if not self.has_choices:
+                structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(self.scene))
+                self._notes = [*(note for note in self._notes if not note.startswith(_WHY)), why]
         self._modes = cache.files.path / texts["modes"]
-        self._repeat_notes(f"that of an earlier run, in {cache.files.path}")
+        self._repeat_notes(f"that of an earlier run, in {cache.entry}")
         return structure
+
+    def _stage(self, name: str) -> AbstractContextManager[None]:
+        """Return a stage of the log; none for one of the many parts of a disc whose sectors may differ."""
+        return nullcontext() if self.has_choices else self.log.stage(name)
 
     def _repeat_notes(self, origin: str) -> None:
         """Log the origin of the structure and its notes, but none that another nodal diameter has logged.  Local."""
@@ -156,7 +164,10 @@ class SetUp:
     def part(self, folder: str, name: str, large: Large, of_group: Mapping[str, Any]) -> SetUp:
         """Return the set-up of a nodal diameter in a folder of this one.  Local."""
         cache = None if self.cache is None else replace(self.cache, part=folder)
-        return SetUp(self.comm, self.path / folder, cache, self.scene, self.log, self.disk, self.fresh, name, large, of_group)
+        whole = self.scene.cyclic is not None and self.scene.cyclic.whole
+        return SetUp(
+            self.comm, self.path / folder, cache, self.scene, self.log, self.disk, self.fresh, name, large, of_group, whole
+        )
 
 
 # -- the pairs of another friction or preload ----------------------------------------------------------------------

@@ -25,6 +25,7 @@ from ..assembly.real_form import complex_columns, real_columns
 from ..library.build import Structure, rebuilt
 from ..linear.factor import FactorCache
 from ..linear.joint_springs import Linearised
+from ..messages.errors import CaseError
 from ..modes.eigen import Modes, lowest_modes
 from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
@@ -38,6 +39,7 @@ from .columns_file import ColumnsFile
 from .records import Arrays, Disk, read_record, write_record
 from .structure_arrays import structure_of, to_arrays
 
+_SAME = 1e-6  # relative difference of frequencies up to which modes computed again are the same
 Large = Callable[[ModesOf], Factored]  # computes the large parts of a structure whose modes are read; collective
 
 
@@ -75,10 +77,18 @@ class StoredStructure:
         return structure
 
     def _modes(self, name: str, omega_n: np.ndarray, n_proved: int, linearised: Linearised) -> Modes:
-        """Return the modes of a file, or compute them again if it is missing or damaged.  Collective."""
+        """Return the modes of a file, or compute them again if it is missing or damaged.  Collective.
+
+        Raises
+        ------
+        CaseError : it is missing or damaged and they are not the lowest; on every rank
+        """
         record = on_root(self.comm, read_modes, self.path / name, share=False)
         if not self.comm.bcast(record is not None):
-            return lowest_modes(linearised, len(omega_n))
+            modes = lowest_modes(linearised, len(omega_n))
+            if not np.allclose(modes.omega_n, omega_n, rtol=_SAME):
+                raise CaseError(f"{self.path / name}: missing or damaged; --fresh computes the modes again")
+            return modes
         proof = {"complete": False, "proved": n_proved}
         if not linearised.maps.is_complex:
             return Modes(omega_n, from_user_order(linearised, record), proof)

@@ -20,6 +20,7 @@ from ..receptance.rigid_motion import RigidMotion
 from ..receptance.static_response import StaticResponse
 from ..receptance.structural_coupling import StructuralCoupling
 from ..reduction.enriched_model import COUPLED, SAMPLED, Samples
+from ..reduction.mistuning import FORMS, BladeForms
 from ..reduction.reduction import Basis
 from ..reduction.stuck import OnDemand, StuckStructure
 from ..scene.schema import Scene
@@ -29,7 +30,11 @@ from .records import Arrays
 
 _OF_MESH = ("weights1", "weights2", "notes")  # attributes of pairs that only the assembly needs
 _GROUP = "group/0"  # where the arrays of the only group of harmonics are
-_MADE: dict[str, type] = {SAMPLED: Samples, COUPLED: StructuralCoupling}  # types of data computed once per group, by key
+_MADE: dict[str, type] = {
+    SAMPLED: Samples,
+    COUPLED: StructuralCoupling,
+    FORMS: BladeForms,
+}  # types of data computed once per group, by key
 
 
 # -- to arrays -----------------------------------------------------------------------------------------------------

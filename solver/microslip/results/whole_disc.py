@@ -23,7 +23,6 @@ def turns(cyclic: Cyclic) -> np.ndarray:
 def whole_mesh(mesh: Mesh, cyclic: Cyclic) -> Mesh:
     """Return the mesh of all sectors, sector after sector; without faces and groups.  Local."""
     n, copies = len(mesh.points), np.arange(cyclic.sectors)[:, None]
-    stride = int(mesh.numbers.max(initial=0)) + 1
     of_element = 1 + max((int(block.numbers.max(initial=0)) for block in mesh.elements), default=0)
     blocks = tuple(
         ElementBlock(
@@ -35,8 +34,14 @@ def whole_mesh(mesh: Mesh, cyclic: Cyclic) -> Mesh:
         for block in mesh.elements
     )
     points = np.concatenate([turned_about(mesh.points, turn, cyclic.axis_point) for turn in turns(cyclic)])
-    numbers = (mesh.numbers + stride * copies).ravel()
+    numbers = whole_numbers(mesh.numbers, cyclic.sectors)
     return replace(mesh, points=points, numbers=numbers, elements=blocks, faces=(), node_groups={}, fields={})
+
+
+def whole_numbers(numbers: np.ndarray, n_sectors: int) -> np.ndarray:
+    """Return the numbers of the nodes of all sectors, (n_sectors n_nodes,), from those of a sector.  Local."""
+    stride = int(numbers.max(initial=0)) + 1
+    return (numbers + stride * np.arange(n_sectors)[:, None]).ravel()
 
 
 def whole_shapes(shapes: np.ndarray, cyclic: Cyclic, diameter: int) -> np.ndarray:

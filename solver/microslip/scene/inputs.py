@@ -6,6 +6,7 @@ from ..tables.matrix_names import KEYS, split_name
 from ..tables.structure import Model
 from .schema import Scene
 
+SECTOR_TABLE = "[cyclic] table"  # key of the table with the differences of sectors
 _WITH_NODES = (".sti", ".mas", ".pch", ".dmig", ".bdf", ".full", ".sub")
 
 
@@ -22,7 +23,7 @@ def named_files(scene: Scene) -> list[tuple[str, str]]:
     ]
     named += [(f"[[loads]] {i} forces", load.forces) for i, load in enumerate(scene.loads, 1)]
     if scene.cyclic is not None:
-        named.append(("[cyclic] table", scene.cyclic.table))
+        named.append((SECTOR_TABLE, scene.cyclic.table))
     if scene.statics is not None:
         temperatures = enumerate(scene.statics.temperatures, 1)
         named += [(f"[[statics.temperatures]] {i} file", temperature.file) for i, temperature in temperatures]
