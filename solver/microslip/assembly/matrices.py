@@ -154,7 +154,6 @@ def _read_joints(tables: StructureTables, n_dof: int, places: Places | None) -> 
     R = _pair_map(dofs, n_dof)
     if not by_node:
         return pairs, R
-    assert places is not None, "checked with the scene's joints"
     of_nodes = pair_contacts(places.mesh, by_node)
     return join_pairs(pairs, of_nodes), sp.vstack([R, places.pair_map(of_nodes)]).tocsr()
 

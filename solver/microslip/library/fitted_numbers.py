@@ -118,7 +118,6 @@ def fitted_numbers(scene: Any, structure: Structure, bounds: Mapping[str, tuple[
             raise _no_number(key, list(known))
         low, high = map(float, ends)
         value = known[key].value
-        assert value is not None, "only the level has none"
         _check_bounds(key, low, high, value)
         fitted.append(Fitted(known[key], low, high))
     return fitted

@@ -42,7 +42,6 @@ def faces_through(mesh: Mesh, group: str, surface: Surface) -> dict[str, np.ndar
 
 def plane_of(surface: Surface) -> np.ndarray:
     """Return a point and the unit normal of a surface's plane, (2, 3) [m, -].  Local."""
-    assert surface.through is not None and surface.normal is not None, "a surface by a plane"
     normal = np.array(surface.normal, dtype=float)
     return np.stack([np.array(surface.through, dtype=float), normal / np.linalg.norm(normal)])
 

@@ -66,7 +66,6 @@ def rigid_field(stuck: StuckStructure, receptance: Receptance, f: np.ndarray, n_
         return np.zeros((1, 1))
     modes = stuck.factor.rigid
     here = project_rigid(stuck.system, modes)  # with the factor's modes, as stored ones may have other signs
-    assert modes is not None and here is not None, "the factor of a free structure"
     alpha = float((receptance.rigid.C - stuck.rigid.C)[0, 0])
     return modes.phi_owned @ here.with_damping(alpha).coordinates(f, n_omega)
 

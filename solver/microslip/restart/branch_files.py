@@ -158,7 +158,6 @@ class BranchFiles:
         if arrays is None:
             return None
         branch = self._shared(Branch(0.0, stored[1]) if stored else None)
-        assert branch is not None, "rank 0 has read its points"
         return checked_read(self._folder, from_arrays, task, arrays, workspace), branch.points
 
     def _open(self) -> tuple[Arrays, list[Point]] | None:
@@ -185,7 +184,6 @@ class BranchFiles:
             return None
         sweep, arrays = state
         branch = self._shared(Branch(0.0, stored[2]) if stored else None)
-        assert branch is not None, "rank 0 has read its points"
         return sweep, checked_read(self._folder.parent, from_arrays, task, arrays, workspace), branch.points
 
     def _read_narrower(self, wider: Sweep) -> tuple[Sweep, Arrays, list[Point]] | None:
@@ -236,7 +234,6 @@ class BranchFiles:
         began = perf_counter()
         if self._journal is None:
             self._open()
-        assert self._journal is not None and self._latest is not None, "they are open now"
         for step in steps:
             self._journal.append_packed([pack(*of_point(point)) for point in step.points])
             self._n_points += len(step.points)

@@ -74,7 +74,6 @@ class ColumnsFile:
         on_root(self.comm, self._append, pairs, rows, share=False)
 
     def _append(self, pairs: np.ndarray, rows: list[np.ndarray]) -> None:
-        assert self._journal is not None, "it was opened"
         self._journal.append({"pairs": pairs, "columns": np.concatenate(rows)})  # rank order is row order
 
 

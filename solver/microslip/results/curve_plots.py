@@ -228,7 +228,6 @@ def draw_error(results: ResultFile) -> Pages:
 
 def error_shares(level: LevelResult) -> tuple[np.ndarray, np.ndarray]:
     """Return the bars (n,) of the first output and their parts (n, parts), over the peak of the level.  Local."""
-    assert level.error is not None, "a level with error bars"
     largest = amplitude(level.response[:, 0]).max() or 1.0
     return total(level.error[:, 0]) / largest, level.error[:, 0] / largest
 

@@ -92,7 +92,6 @@ def call(
         stderr=subprocess.DEVNULL,
         env=environment,
     ) as process:
-        assert process.stdin is not None and process.stdout is not None
         try:
             with suppress(BrokenPipeError), process.stdin as pipe:
                 pickle.dump(request, pipe)

@@ -324,7 +324,6 @@ def _balance(results: ResultFile, level: LevelResult) -> tuple[str, str]:
 
 
 def _bar(results: ResultFile, level: LevelResult) -> tuple[str, str]:
-    assert level.error is not None
     at = level.top
     size, parts = _size(results, level, at), level.error[at, 0]
     share = float(total(parts)) / size if size else 0.0

@@ -56,7 +56,6 @@ def _value(faults: Faults, function: Callable[[], T]) -> T | None:
 
 def _completed(scene: Scene, faults: Faults) -> tuple[Scene | None, FileModel | None]:
     """Return the scene completed by its file, with unresolved findings waived, and the file."""
-    assert scene.model.mesh is not None, "a scene with a mesh"
     file = _value(faults, lambda: read_model(scene.folder / (scene.model.mesh or ""), scene.model.step))
     if file is None:
         return None, None

@@ -84,7 +84,6 @@ def inputs_changed(a: ResultFile, b: ResultFile) -> list[Change] | None:
 
 
 def _inputs(results: ResultFile) -> list[tuple[str, str]]:
-    assert results.origin is not None, "called where it is known"
     entries = []
     for entry in results.origin.inputs:
         name = f"{entry.key}, {Path(entry.path).name}" if entry.key.startswith(("included", "beside")) else entry.key

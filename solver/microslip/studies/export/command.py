@@ -96,7 +96,6 @@ def settings_of(scene: Scene, structure: Structure, method: str | None) -> tuple
 
 def recovered(structure: Structure, reduction: Reduction, T) -> dict | None:
     """Return the arrays of full fields on rank 0, None elsewhere.  Collective: one gather."""
-    assert reduction.phi_owned is not None, "a Galerkin reduction"
     system, owned = structure.system, reduction.phi_owned @ T
     if system.dof is None:
         gathered = system.comm.gather(owned, root=0)

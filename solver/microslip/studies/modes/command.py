@@ -72,7 +72,6 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
 
 def _of_disc(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, log: RunLog) -> None:
     """Compute the modes of nodal diameters, with [statics] at each speed.  Collective."""
-    assert scene.cyclic is not None, "a disc"
     diameters = diameters_of(scene, request.diameters)
     excited, count = Excited(scene.cyclic.sectors, request.speeds, request.orders), scene.solver.modes or COUNT
     if request.speeds and scene.statics is not None:
@@ -171,7 +170,6 @@ def _translations(system: System) -> np.ndarray:
         free, n_points = system.constraints.free, len(system.constraints.points)
         n_nodes = len(free) - 2 * n_points
         places = np.concatenate([free[:n_nodes], free[n_nodes::2]])
-    assert places is not None, "a structure with a mesh"
     r = np.zeros((system.n_dof, 3))
     for axis, rows in enumerate(places.T):
         r[rows[rows >= 0], axis] = 1.0

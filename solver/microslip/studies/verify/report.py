@@ -194,7 +194,6 @@ def draw_verification(
 def _draw_loop(ax, check: Check, colour) -> None:
     """Draw one loop by both methods."""
     loop = check.loop
-    assert loop is not None
     sizes = np.concatenate([loop.balanced, loop.marched], axis=1)
     (across, unit), (up, force) = with_prefix(sizes[0], "m"), with_prefix(sizes[1], "N")
     for (du, T), style in ((loop.balanced, {"color": colour, "lw": 1.6}), (loop.marched, MARCHED)):

@@ -61,7 +61,6 @@ class Progress:
         self.states.append(state)
 
     def _append(self, state: State) -> None:
-        assert self._journal is not None, "rank 0"
         arrays, texts = of_point(state.cycle.point)
         numbers = [state.cycles, state.jump, state.error, state.number, state.cycle.damping]
         self._journal.append(
