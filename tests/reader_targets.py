@@ -25,7 +25,7 @@ from microslip.guards import lock
 from microslip.mesh.data import Mesh
 from microslip.mesh.listed import listed_nodes
 from microslip.mesh.locate import nodes_numbered
-from microslip.mesh.nodes_of_matrices import read_nodes
+from microslip.mesh.read import read_nodes
 from microslip.mesh.values import COLUMNS, PLACES
 from microslip.messages.errors import CaseError, MicroslipError, ResourceError
 from microslip.points.branch import Point

@@ -42,7 +42,7 @@ INSTRUMENTED = (
     "microslip.results.checked_datasets",
     "microslip.results.fields",
     "microslip.restart",
-    "microslip.mesh.nodes_of_matrices",
+    "microslip.mesh.read",
     "microslip.mesh.listed",
     "microslip.mesh.values",
     "microslip.assembly.pair_file",

@@ -10,7 +10,7 @@ from sources import ROOT
 
 from microslip.formats.includes import included_files
 from microslip.formats.read import read_model
-from microslip.library.input_files import fingerprint, input_files
+from microslip.library.origin_of_run import fingerprint, input_files
 from microslip.messages.errors import CaseError
 from microslip.scene.read import read_scene
 

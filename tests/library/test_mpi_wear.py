@@ -20,8 +20,8 @@ from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
 from microslip.results.report.tables import wear_table
 from microslip.statics.equilibrium import Flexibility
-from microslip.statics.worn import worn_at_rest
-from microslip.studies.wear.progress import NAME
+from microslip.statics.rest import worn_at_rest
+from microslip.studies.wear.command import NAME
 
 COMM = MPI.COMM_WORLD
 FORCE = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]

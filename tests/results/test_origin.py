@@ -8,7 +8,7 @@ import pytest
 from synthetic_results import branch, head, no_pairs, two_flanks, write
 
 import microslip
-from microslip.library.input_files import fingerprint
+from microslip.library.origin_of_run import fingerprint
 from microslip.messages.errors import CaseError
 from microslip.results.convert import convert
 from microslip.results.origin import InputFile, Origin

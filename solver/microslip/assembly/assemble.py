@@ -21,11 +21,10 @@ from .check import check_elements
 from .constrained import constrained
 from .constraints import Constraints, check_supports, constrain
 from .fixed_pairs import notes_on_pairs
-from .maps import base_map, load_map, next_pair_map, orders_of, output_map, pair_map
+from .maps import OutputRow, base_map, load_map, next_pair_map, orders_of, output_map, output_row, pair_map
 from .nodal_forces import NodalForces, nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .numbering import number_dofs
-from .output_rows import OutputRow, output_row
 from .rigid_motions import free_combinations, rigid_motions
 from .sectors import Sectors
 from .system import System

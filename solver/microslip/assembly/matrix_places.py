@@ -15,7 +15,7 @@ from ..formats.matrices.read import read_any
 from ..formats.model import index_of
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.locate import find_node
-from ..mesh.nodes_of_matrices import nodes_alone, read_nodes
+from ..mesh.read import nodes_alone, read_nodes
 from ..messages.errors import CaseError
 from ..messages.words import counted, verb
 from ..tables.structure_tables import StructureTables

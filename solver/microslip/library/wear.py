@@ -17,7 +17,7 @@ from ..points.branch import Branch, Point
 from ..scene.schema import Scene
 from ..scene.wear import ARCHARD, Wear
 from ..statics.equilibrium import Flexibility
-from ..statics.worn import with_gaps, worn_at_rest
+from ..statics.rest import with_gaps, worn_at_rest
 from .build import Structure, at_another_rest
 from .jumps import JumpControl, WornState, follow_wear
 from .prepare import Prepared, prepare

@@ -13,7 +13,7 @@ from ..parallel import metis
 from ..parallel.agree import on_root
 from ..tables.structure_tables import StructureTables
 from .data import DistributedMesh, LocalBlock, Mesh
-from .temperature_rise import temperature_rises
+from .values import temperature_rises
 
 if TYPE_CHECKING:
     from mpi4py import MPI

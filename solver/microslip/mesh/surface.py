@@ -1,14 +1,15 @@
 """Contact surfaces: the outer faces of a group, their outward normals and tributary areas at the nodes."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .. import elements
 from ..messages.errors import MeshError
 from ..messages.words import counted, place
-from .data import Mesh
+from ..tables.joint import Joint
+from .data import ContactPairs, Mesh
 
 MOST_TURN = 40.0  # degrees between a face and the mean normal of its node, beyond which the node lies on an edge
 
@@ -163,3 +164,23 @@ def face_keys(faces: Mapping[str, np.ndarray]) -> set[tuple[int, ...]]:
     return {
         tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, nodes in faces.items() for face in nodes
     }
+
+
+def stretched(mesh: Mesh, joints: Sequence[Joint], pairs: ContactPairs, u: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+    """Return the areas of the pairs over their unloaded areas, (n_pairs,), and the largest rotation of each joint [rad].
+
+    Local, rank 0.  Areas and normals are taken at the nodes of the first surface.  ``u`` (n_nodes, 3) [m] is the displacement
+    of ``Mesh.points``.
+    """
+    weights = abs(pairs.sides(len(mesh.points))[0])
+    ratio, turns = np.ones(pairs.n_pairs), {}
+    deformed = replace(mesh, points=mesh.points + u)
+    for joint in joints:
+        before, now = (surface_of(state, joint.groups[0]) for state in (mesh, deformed))
+        of_nodes = np.ones(len(mesh.points))
+        of_nodes[before.nodes] = now.areas / before.areas
+        of_joint = pairs.of_joint(joint.name)
+        ratio[of_joint] = (weights[of_joint] @ of_nodes) / weights[of_joint].sum(axis=1).A1
+        across = np.linalg.norm(np.cross(before.normals, now.normals), axis=1)
+        turns[joint.name] = float(np.arcsin(np.minimum(across, 1.0)).max())
+    return ratio, turns

@@ -18,7 +18,7 @@ from ..assembly.sectors import Sectors
 from ..assembly.spin import stated_statics
 from ..assembly.system import System
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
-from ..mesh.deformed import stretched
+from ..mesh.surface import stretched
 from ..messages.errors import CaseError, ConvergenceError
 from ..messages.words import counted, place
 from ..parallel.agree import on_root

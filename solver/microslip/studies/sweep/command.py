@@ -1,5 +1,8 @@
 """The command `sweep`: samples, structures and peaks on groups of ranks, table, files, pictures."""
 
+import hashlib
+import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,13 +23,13 @@ from ...parallel.agree import on_root
 from ...parallel.rank_groups import Counter, Groups, Reports, dealt, split
 from ...restart.identity import identity_of
 from ...scene.schema import Scene
+from ...system.files import file_errors, make_folder
 from ...system.signals import raise_stop
 from ...system.walltime import TimeLimit, time_limit
 from ...system.watchdog import unwatched
 from ..log import log_of
 from .report import write_sweep
 from .request import Request, design_of, refusal
-from .stored import keys_of, read_samples, remove_samples, store
 
 MARGIN, SLOWEST = 5.0, 2.0  # s before the end of the time, and times the slowest sample, at which no further one begins
 MOST_LISTED = 10  # samples that failed
@@ -237,3 +240,52 @@ def _line(i: int, sample: Sample, n: int, of: int) -> str:
         f"  {n} of {of}: sample {i}: {values}: {sample.amplitude:.6g} at {sample.frequency:.7g} Hz, "
         f"{sample.newton} Newton iterations{along}, {sample.seconds:.3g} s{'; ' * bool(sample.why)}{sample.why}"
     )
+
+
+FOLDER = "samples"
+
+
+def keys_of(design: Design, identity: str, output: str | None, *options: bool) -> list[str]:
+    """Return the key of each sample.  Local."""
+    head = json.dumps([identity, design.keys, output, *options])
+    return [hashlib.sha256(f"{head} {[float(x).hex() for x in row]}".encode()).hexdigest()[:24] for row in design.values]
+
+
+def read_samples(folder: Path) -> dict[str, Sample]:
+    """Return the stored samples by their keys.  Local."""
+    samples = {}
+    for path in sorted((folder / FOLDER).glob("*.jsonl")):
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+            try:
+                texts = json.loads(line)
+                key = texts.pop("key")
+                samples[key] = Sample.from_texts(texts)
+            except (ValueError, TypeError, KeyError, AttributeError):
+                continue
+    return samples
+
+
+def remove_samples(folder: Path, part: str) -> None:
+    """Remove the samples of a part, or with "all" every one.  Local."""
+    for path in (folder / FOLDER).glob("*.jsonl" if part == "all" else f"{part}-*.jsonl"):
+        with file_errors(str(path)):
+            path.unlink()
+
+
+def store(folder: Path, part: str, group: int, key: str, sample: Sample) -> None:
+    """Append a sample; it is on the disk when this returns.  Local, on the root of a group.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    path = folder / FOLDER / f"{part}-{group}.jsonl"
+    make_folder(str(path.parent))
+    line = json.dumps({"key": key, **sample.as_texts()}) + "\n"
+    with file_errors(str(path)), open(path, "ab+") as file:
+        if file.tell() > 0:
+            file.seek(-1, os.SEEK_END)
+            line = line if file.read(1) == b"\n" else f"\n{line}"
+        file.write(line.encode())
+        file.flush()
+        os.fsync(file.fileno())
