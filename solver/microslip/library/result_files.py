@@ -29,7 +29,7 @@ from ..version import __version__
 from .build import WholeStructure
 from .origin_of_run import origin_of
 from .prepare import Prepared
-from .settings import output_names, reduction_settings, requests_error_bars, requests_fields, units_of
+from .settings import output_names, reduction_settings, units_of
 
 LARGE = 0.1  # displacement over the size of the mesh from which small displacements are doubtful
 
@@ -84,7 +84,7 @@ def extent_of(prepared: Prepared) -> Extent:
         n_dof=structure.n_dof,
         harmonics=prepared.model.harmonics,
         n_damped=n_damped,
-        has_bars=requests_error_bars(scene),
+        has_bars=scene.solver.error_bars,
         has_mesh=structure.has_mesh,
         rests=scene.response.sensitivities and scene.statics is not None,
         is_whole_disc=isinstance(structure, WholeStructure),
@@ -112,7 +112,7 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
 
     Collective: static solves for the peaks of all levels, and gathers.
     """
-    if not (prepared.structure.has_mesh and requests_fields(prepared.scene)):
+    if not (prepared.structure.has_mesh and prepared.scene.response.fields):
         return None
     structure, system = prepared.structure, prepared.structure.system
     structure.refuse_closed()

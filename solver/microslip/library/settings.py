@@ -72,7 +72,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
 
 def has_error_bars(scene: Scene) -> bool:
     """Return whether the error of every point is estimated: that of harmonic 1, where there is one.  Local."""
-    return requests_error_bars(scene) and not scene.is_static
+    return scene.solver.error_bars and not scene.is_static
 
 
 def refuse_statics(scene: Scene, command: str) -> None:
@@ -88,16 +88,6 @@ def refuse_discs(scene: Scene, command: str, why: str) -> None:
     """Raise CaseError for a disc computed from one sector.  Local."""
     if scene.cyclic is not None:
         raise CaseError(f"{scene.path}: [cyclic]: {command} {why}")
-
-
-def requests_error_bars(scene: Scene) -> bool:
-    """Return whether a scene requests error bars, possible or not.  Local."""
-    return scene.solver.error_bars
-
-
-def requests_fields(scene: Scene) -> bool:
-    """Return whether a scene requests modes and peaks on the mesh, if there is one.  Local."""
-    return scene.response.fields
 
 
 @dataclass(frozen=True)

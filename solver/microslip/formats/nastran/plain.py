@@ -53,7 +53,7 @@ class Plain:
 
 def none_plain(text: bytes) -> Plain:
     """Return the whole text, for pyNastran.  Local."""
-    return Plain(_decoded(text))
+    return Plain(text.decode("utf-8", errors="replace"))
 
 
 def take_plain(text: bytes) -> Plain:
@@ -73,7 +73,7 @@ def take_plain(text: bytes) -> Plain:
     rows = {key: np.concatenate(blocks) for key, blocks in parts.items()}
     grid = rows.pop((b"GRID", 4), np.zeros((0, 4)))
     plain = Plain(
-        rest=_decoded(_other_cards(text, start, end, is_taken)),
+        rest=_other_cards(text, start, end, is_taken).decode("utf-8", errors="replace"),
         numbers=grid[:, 0].astype(np.int64),
         points=grid[:, 1:],
         solids=tuple(
@@ -94,10 +94,6 @@ def _plain_cards(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> 
             except ValueError:  # pyNastran reports the fault
                 continue
             yield word, part[is_plain], values
-
-
-def _decoded(text: bytes) -> str:
-    return text.decode("utf-8", errors="replace")
 
 
 def _lines(text: bytes) -> tuple[np.ndarray, np.ndarray]:
