@@ -1,13 +1,4 @@
-"""A Galerkin reduction on any basis V, condensed exactly to the relative motion of the pairs (docs/theory.md, section 8).
-
-The modes of the reduced pencil,
-
-    V^T M V q = theta V^T K_L V q,      theta = 1 / omega^2,      phi = V q,
-
-are all modes in the span of V.  With all of them, and the static response of these modes only, the receptance of the pairs is
-that of the reduced equations without further approximation.  The eigenvalue is theta, so that motions almost without mass do no
-harm.
-"""
+"""A Galerkin reduction on any basis V, condensed exactly to the relative motion of the pairs (docs/theory.md, (8.1) and (8.2))."""
 
 from __future__ import annotations
 

@@ -1,15 +1,7 @@
 """A bound of the change of the response by the truncated modes, which determines the number of modes.
 
-docs/theory.md, section 4.  In harmonic n the truncated modes act with their static flexibility; their dynamic part,
-sum over k > m of phi_k c_kn phi_k^T, is missing.  With the residual norm |x|_m^2 = sum over k > m of (phi_k^T x)^2 / omega_k^2,
-which follows from the static solution without these modes, x^T K_L^-1 x - sum over k <= m, the error of any motion y under any
-force x is at most
-
-    rho_n |y|_m |x|_m,          rho_n = max over k > m of omega_k^2 |c_kn|.                                          (4.4)
-
-Forces are the loads and R^T p; motions are those of the outputs and, through the joint, of the pairs.  The bound is computed
-before the response, with p of the stuck motion at a resonance, at the highest level: the part beyond half of the friction limit
-or of the preload.
+docs/theory.md, eq. (4.4) and eq. (4.5).  Forces are the loads and R^T p; motions are those of the outputs and, through the joint,
+of the pairs.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """`craig-bampton`: fixed-interface modes and constraint modes of the bodies (Craig and Bampton 1968), coupled by the joint.
 
-    u_i = phi q - K_ii^-1 K_ib u_b,        V = [phi, psi]
-
-with b the interface DOFs of both bodies, all physical, and i the others; phi the lowest modes of (K_ii, M_ii).  The matrices
-have the layout of the system, with rows and columns of b replaced by a diagonal in K and by zero in M: their modes are the modes
-with fixed interface.
+docs/theory.md, eq. (8.4).  The matrices have the layout of the system; rows and columns of the interface DOFs b are replaced by a
+diagonal in K and by zero in M: their modes are the modes with fixed interface.
 """
 
 from __future__ import annotations

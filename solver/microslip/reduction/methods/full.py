@@ -1,19 +1,6 @@
 """`full`: harmonic balance on the unreduced finite-element system, condensed to the pairs; the reference of small scenes.
 
-The basis has the lowest modes phi_1 .. phi_m and, on their complement, the block Krylov space of the static response,
-
-    V = [phi, Z_0, Z_1, .., Z_j],      Z_0 = K_L^-1 Y - phi Omega^-2 phi^T Y,      Z_k = K_L^-1 M Z_(k-1),
-
-with Y = [R^T, loads, outputs^T].  The Galerkin projection matches the first 2 j + 2 terms of the power series of the residual
-receptance in kappa = (n omega)^2,
-
-    G_res(kappa) = sum_k kappa^k Y^T (K_L^-1 M)^k K_L^-1 Y       on the complement,
-
-so that the relative error is below ratio^(2 j + 2), ratio = kappa_max / omega_(m + 1)^2: j follows from the range of the scene,
-and the response is that of the unreduced system to roundoff.  If all modes are computed, Z_0 has the motions without mass.
-
-Rayleigh damping is exact.  A damping ratio applies to every mode of (K_L, M): exactly to the m modes, through the Ritz vectors of
-the Krylov space to the higher ones.  A damping matrix couples all modes, and needs all of them.
+docs/theory.md, eq. (8.7): V = [phi, Z_0, Z_1, .., Z_j], the lowest modes and the block Krylov space of the static response.
 """
 
 from __future__ import annotations

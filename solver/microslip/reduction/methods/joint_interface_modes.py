@@ -1,14 +1,6 @@
-"""`joint-interface-modes`: responses to opposite forces at the joint, reduced to a few modes.
+"""`joint-interface-modes`: responses to opposite forces at the joint, reduced to a few modes (Witteveen and Irschik 2009).
 
-From W. Witteveen and H. Irschik, *Efficient mode-based computational approach for jointed structures: joint interface modes*,
-AIAA Journal 47 (2009): the classical modes of a structure are enriched by shapes of the joint, computed once under equal and
-opposite forces on the two surfaces (Newton's third law), and reduced in number by a separate eigenproblem.  Here
-
-    Z = K_L^-1 R^T - phi Omega^-2 phi^T R^T,        Z^T K_L Z v = lambda Z^T M Z v,
-
-and the ``[solver] interface_modes`` lowest Z v are retained.  Our choice: the classical modes phi are those of the stuck
-structure, so that the linear response is that of `receptance` for any number of shapes; Z is the static response without its part
-in phi; the static shapes of the loads are in the basis.
+docs/theory.md, eq. (8.5), which states our choice of the classical modes; the static shapes of the loads are in the basis.
 """
 
 import numpy as np

@@ -1,10 +1,6 @@
 """`rubin`: free-interface modes of the bodies and residual attachment modes (Rubin 1975), coupled by the joint.
 
-    u = phi q + Z g,        V = [phi, Z]
-
-with phi the lowest modes of (K, M) without the joint's springs, including rigid-body modes, and Z the residual attachment modes
-of unit forces at the interface and of the loads.  By default there is a unit force on each interface DOF of both bodies, 6 per
-pair, so that all of them remain physical; with ``[solver] condensed`` on the relative DOFs only, 3 per pair.
+docs/theory.md, section 8: V = [phi, Z].
 """
 
 import numpy as np

@@ -1,18 +1,6 @@
-"""`trial-vectors`: derivatives of the modes by the stiffness of the joint (trial vector derivatives).
+"""`trial-vectors`: derivatives of the modes by the stiffness of the joint (Witteveen and Pichler 2014).
 
-From W. Witteveen and F. Pichler, *Efficient model order reduction for the dynamics of nonlinear multilayer sheet structures with
-trial vector derivatives*, Shock and Vibration (2014), and *Efficient model order reduction for the nonlinear dynamics of jointed
-structures by the use of trial vector derivatives* (2014): the modes phi_i depend on the state q of a structure with nonlinear
-joints; the static part of that dependence,
-
-    d phi_i / d q_j = -K_L^-1 R^T (d K_J / d q_j) R phi_i ,
-
-enriches the basis, reduced to its main directions by a weighted proper orthogonal decomposition.
-
-Our choice, because the stiffness of our joint has corners and no derivative: K_J of a pair changes in proportion to each of its
-three relative displacements, one derivative for each, d K_J / d q_j = diag(K_J) r_cj for c = x, y, z; the weight of a derivative
-is 1 / (omega_i^2 omega_j^2), the motion of the two modes under equal forces; the decomposition uses the strain energy of the
-stuck structure; the static shapes of the loads are in the basis.  ``[solver] interface_modes`` directions are retained.
+docs/theory.md, eq. (8.6), which states our choice of the derivatives and of their weights.
 """
 
 import numpy as np

@@ -1,11 +1,6 @@
 """A Galerkin reduction as explicit matrices over the joint's relative displacements and modes with the joint held.
 
-The modes phi of a Galerkin reduction (docs/theory.md, section 8) span its trial space.  In this space
-
-    u = psi du_b + chi xi,      R psi = E,      R chi = 0,
-
-with du_b the independent relative displacements, psi their static shapes, chi the modes with all of them held: Craig-Bampton
-coordinates with relative interface DOFs.  The change of coordinates is exact.  NumPy only; local.
+docs/theory.md, eq. (8.8): Craig-Bampton coordinates with relative interface DOFs.  NumPy only; local.
 """
 
 from dataclasses import dataclass
