@@ -19,12 +19,11 @@ from ..tables.cyclic import Cyclic
 from ..tables.structure_tables import StructureTables
 from .check import check_elements
 from .constrained import constrained
-from .constraints import Constraints, check_supports, constrain
+from .constraints import Constraints, check_supports, constrain, number_dofs
 from .fixed_pairs import notes_on_pairs
 from .maps import OutputRow, base_map, load_map, next_pair_map, orders_of, output_map, output_row, pair_map
 from .nodal_forces import NodalForces, nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
-from .numbering import number_dofs
 from .rigid_motions import free_combinations, rigid_motions
 from .sectors import Sectors
 from .system import System

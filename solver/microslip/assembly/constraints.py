@@ -16,7 +16,6 @@ from ..messages.errors import MeshError
 from ..messages.words import place
 from ..parallel.petsc import without_operands
 from ..tables.structure import Point
-from .numbering import number_dofs
 from .real_form import real_matrix
 
 if TYPE_CHECKING:
@@ -268,3 +267,20 @@ def _distributed(constraints: Constraints, T: sp.csr_matrix, comm: MPI.Comm) -> 
     owned = tidy(T[first:last])
     csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
     return PETSc.Mat().createAIJ(((last - first, None), (end - begin, None)), csr=csr, comm=comm)
+
+
+def number_dofs(dmesh: DistributedMesh, is_fixed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the row of every DOF and the row ranges of the ranks.  Local; the same on every rank.
+
+    Parameters
+    ----------
+    is_fixed : (n_nodes, 3) bool, by rank-ordered node
+
+    Returns
+    -------
+    dof : (n_nodes, 3) row of each rank-ordered node, -1 where fixed
+    row_ranges : (size + 1,) rank r owns rows row_ranges[r]:row_ranges[r + 1]
+    """
+    rows_before = np.concatenate([[0], np.cumsum(~is_fixed.ravel())])
+    dof = np.where(is_fixed, -1, rows_before[:-1].reshape(is_fixed.shape))
+    return dof, rows_before[3 * dmesh.node_ranges]

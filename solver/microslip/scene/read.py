@@ -14,7 +14,7 @@ from ..messages.errors import CaseError
 from ..messages.words import is_deeply_nested, shortened
 from ..system.files import refuse_devices
 from .checks import contradictions
-from .checks.files import absent, missing_files
+from .inputs import absent, missing_files
 from .messages import in_words
 from .overrides import overridden
 from .schema import Scene

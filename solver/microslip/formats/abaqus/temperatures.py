@@ -9,8 +9,8 @@ from ...messages.errors import MeshError
 from ...tables.constant_loads import Temperature
 from ...tables.structure import Body, Material
 from .cards import Card, number
-from .elastic import keys_of
 from .input_model import InputModel, Table
+from .properties import keys_of
 from .scopes import Scope
 
 Ends = tuple[float | None, float | None]  # temperatures of a body: initial, in vibration; None if not uniform

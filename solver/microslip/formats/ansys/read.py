@@ -11,12 +11,11 @@ from ...system.sandbox import LibraryError, SandboxError, read_file
 from ..model import FileModel, Group
 from .attached import take_attached, take_rigid_regions
 from .blocks import FIELDS, Blocks, blocks_of_library, blocks_of_text
-from .commands import Command, commands, numbers_after
+from .commands import Command, as_archived, commands, numbers_after
 from .constraints import take_constraints
 from .content import Content, report_loads, take_commands
 from .cyclic import sectors_of
 from .elements import cells_and_bodies
-from .input_file import as_archived
 from .pages import without_pages
 
 _LEAST_BYTES = 8  # least bytes of a node or an element in an archive

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from ..schema import Scene
 from . import solution, structure
 from .disc import of_disc
-from .wear import of_wear
+from .solution import of_wear
 
 
 def contradictions(scene: Scene) -> list[str]:

@@ -13,7 +13,7 @@ from ...formats.read import READERS, read_model
 from ...messages.errors import CaseError
 from ...messages.words import counted, hint, listed, place
 from ...parallel.agree import on_root
-from ...scene.checks.files import absent
+from ...scene.inputs import absent
 from ...system.files import atomic_write
 from ...tables.units import UNITS
 from ..check.model_content import table
