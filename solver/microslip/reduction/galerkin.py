@@ -1,4 +1,4 @@
-"""A Galerkin reduction on any basis V, condensed exactly to the relative motion of the pairs (docs/theory.md, (8.1) and (8.2))."""
+"""A Galerkin reduction on any basis V, condensed exactly to the relative motion of the pairs (docs/theory.md, (8.1), (8.2))."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..contact.laws import ELASTIC_COULOMB, LAWS
-from ..library.input_files import fingerprint, input_files
+from ..library.origin_of_run import fingerprint, input_files
 from ..scene.inputs import SECTOR_TABLE
 from ..scene.schema import Scene
 from ..system.versions import program_hash, versions
