@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
-from scipy.linalg import expm
+from scipy.linalg import eig, expm
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from ..points.multipliers import N_MULTIPLIERS
@@ -78,9 +78,10 @@ def _summed(of_pairs: scipy.sparse.csr_array | None, of_sliders: np.ndarray) -> 
     return (of_pairs @ of_sliders.reshape(len(of_sliders), math.prod(shape))).reshape(-1, *shape)
 
 
-_MOST = 150  # numbers of memory of which a cycle is computed for each
-_RESIDUAL = 1e-6  # of eigenvectors of length 1
-_CUT = 1e-7  # parts of the images of eigenvectors of length 1 below it are no new direction
+_MOST = 60  # numbers of memory of which a cycle is computed for each
+_LASTS = 0.1  # of a disturbance of a slider after a cycle
+_ERROR = 1e-6  # of multipliers, first order
+_CUT = 1e-7  # residuals of eigenvectors of length 1 below it are no new direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +267,8 @@ class CycleMap:
     def multipliers(self) -> np.ndarray:
         """Return the N_MULTIPLIERS largest of modes and sliders, complex by falling modulus; those that are 0 may be left out.
 
-        Local.  docs/theory.md, eq. (16.4).  Of much memory some random directions and what a cycle makes of them and of the modes
-        are a basis, with what the next ones make of that, until the residuals of these multipliers are below 1e-6.
+        Local.  docs/theory.md, eq. (16.4).  Of much memory a basis begins with the modes and with what lasts; each further cycle
+        takes the residuals of these multipliers, until their estimated errors are below 1e-6.
         """
         m = self.n_modes
         if len(self.contact.pairs) == 0:
@@ -275,23 +276,40 @@ class CycleMap:
             return values[np.argsort(-np.abs(values), kind="stable")][:N_MULTIPLIERS]
         moves = (self.contact.by_first.any(axis=(0, 1, 4)) | self.contact.by_last.any(axis=(0, 1, 4))).ravel()
         n_moving = int(np.count_nonzero(moves))  # a direction in which a slider never slips has the multiplier 1
-        basis = np.eye(self.n_memory)[:, moves]
-        if n_moving > _MOST:  # random ones: the modes need not excite every slider
-            basis = basis @ np.linalg.qr(np.random.default_rng(0).standard_normal((n_moving, N_MULTIPLIERS)))[0]
+        basis = np.eye(self.n_memory)[:, moves] if n_moving <= _MOST else self._lasting(moves)
+        n_new = basis.shape[1]
         x, memory = self.apply(
-            np.eye(2 * m, 2 * m + basis.shape[1]).reshape(2, m, -1), np.hstack([np.zeros((self.n_memory, 2 * m)), basis])
+            np.eye(2 * m, 2 * m + n_new).reshape(2, m, -1), np.hstack([np.zeros((self.n_memory, 2 * m)), basis])
         )
         while True:
             inside = basis.T @ memory
-            values, vectors = np.linalg.eig(np.vstack([x.reshape(2 * m, -1), inside]))
+            values, left, right = eig(np.vstack([x.reshape(2 * m, -1), inside]), left=True)
             chosen = np.argsort(-np.abs(values), kind="stable")[:N_MULTIPLIERS]
+            left, right = left[:, chosen], right[:, chosen]
             outside = memory - basis @ inside
             outside -= basis @ (basis.T @ outside)
-            residuals = np.linalg.norm(outside @ vectors[:, chosen], axis=0)
-            matters = outside * np.abs(vectors[:, chosen]).max(axis=1)  # as much of each image as these eigenvectors have
-            u, s, _ = np.linalg.svd(matters[:, np.linalg.norm(matters, axis=0) > 0.1 * _CUT], full_matrices=False)
+            residuals = outside @ right
+            overlaps = np.abs((left.conj() * right).sum(axis=0))
+            sizes = np.linalg.norm(residuals, axis=0) * np.linalg.norm(left[-n_new:], axis=0)  # the next ones are no larger
+            u, s, _ = np.linalg.svd(np.hstack([residuals.real, residuals.imag]), full_matrices=False)
             u = u[:, : min(np.count_nonzero(s > _CUT), n_moving - basis.shape[1])]
-            if u.shape[1] == 0 or residuals.max() < _RESIDUAL:
+            n_new = u.shape[1]
+            if n_new == 0 or (sizes < _ERROR * overlaps).all():
                 return values[chosen]
-            x_new, new = self.apply(np.zeros((2, m, u.shape[1])), u)
+            x_new, new = self.apply(np.zeros((2, m, n_new)), u)
             basis, x, memory = np.hstack([basis, u]), np.concatenate([x, x_new], axis=-1), np.hstack([memory, new])
+
+    def _lasting(self, moves: np.ndarray) -> np.ndarray:
+        """Return directions of the memory of which a tenth or more is left after a cycle with the motion as it is, (n_memory, k).
+
+        Local.  At least N_MULTIPLIERS; ``moves`` (n_memory,) excludes others.
+        """
+        left, root = np.eye(2) * moves.reshape(-1, 1, 2), self.root.reshape(-1, 2, 1)
+        for by_memory in self.contact.by_memory[:, 0]:
+            left = by_memory @ left
+        _, sizes, directions = np.linalg.svd(left / root * root.swapaxes(1, 2))
+        order = np.argsort(-sizes, axis=None)[: max(N_MULTIPLIERS, np.count_nonzero(sizes > _LASTS))]
+        slider, direction = np.unravel_index(order, sizes.shape)
+        basis = np.zeros((len(sizes), 2, len(order)))
+        basis[slider, :, np.arange(len(order))] = directions[slider, direction]
+        return basis.reshape(self.n_memory, -1)
