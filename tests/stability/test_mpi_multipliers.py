@@ -162,7 +162,7 @@ def test_map_of_a_slider_that_sticks_after_contact(n_within):
     contact = contact_variation(law, np.arange(1), U, Harmonics.up_to(1), 128, n_within)
     p_t = np.zeros((2, 3))  # for a constant change of each component of the motion
     for step in range(64):
-        motion = contact.by_first[step, 0, 0] + contact.by_last[step, 0, 0]
-        p_t = contact.by_memory[step, 0, 0] @ p_t + motion
+        motion = contact.by_first[0, step, 0] + contact.by_last[0, step, 0]
+        p_t = contact.by_memory[0, step, 0] @ p_t + motion
     v_x, v_z = 0.5 * np.cos(np.pi / 3.0), -2.0 * np.sin(np.pi / 3.0)
     assert p_t == pytest.approx(np.array([[-1.0, 0.0, v_x / v_z], [0.0, -1.0, 0.0]]), abs=1e-4)

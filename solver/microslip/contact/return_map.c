@@ -95,6 +95,16 @@ static void add_means(double *of_step, const double a[OF_STEP], double w[2])
     w[0] = w[1] = 0.0;
 }
 
+/* Begin and end of the linear course with this mean and this mean weighted with the time, eq. (16.3), in their place (2, 16). */
+static void linear_course(double of_step[2 * OF_STEP])
+{
+    for (index_t m = 0; m < OF_STEP; m++) {
+        const double mean = of_step[m], moment = of_step[OF_STEP + m];
+        of_step[m] = 4.0 * mean - 6.0 * moment;
+        of_step[OF_STEP + m] = 6.0 * moment - 2.0 * mean;
+    }
+}
+
 /* Marches the i-th pair from p (2,) [N] through n_t samples du (n_t, 3) [m] of a period, from the second sample to the first
    one of the next period; moves (n_t,) is 1 where p_x has changed, 2 where p_y has and 4 where the pair is open, added up.  Returns
    whether it sticks, or slips only by roundoff where it is exactly at its limit. */
@@ -187,8 +197,8 @@ static void between(const double *samples, index_t n_t, index_t at, double x, do
 
    The motion of the i-th pair is du[motion[i]] (n_steps n_sub, 3) [m]; slider positions follow from at most most_periods
    periods of it.  Within a step a change of motion is linear, d0 at its start and d1 at its end.  M (n, n_steps, 3, 16) has for
-   p_t at the end of a step, for its mean over the step and for its mean weighted with the time, 0 ... 1, the derivatives by p_t
-   at the start (2, 2) [-], by d0 and by d1 (2, 3) [N/m]; it comes as zeros.  sticks (n,) is 1, and M stays 0, for a pair that always
+   p_t at the end of a step, and for begin and end of its linear course, the derivatives by p_t at the start (2, 2) [-], by d0 and
+   by d1 (2, 3) [N/m]; it comes as zeros.  sticks (n,) is 1, and M stays 0, for a pair that always
    sticks.  moves (n_steps n_sub,) is work space. */
 void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_steps, index_t n_sub, const double *du,
                  index_t most_periods, double *M, unsigned char *sticks, unsigned char *moves)
@@ -225,6 +235,7 @@ void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_ste
                 }
             }
             add_means(of_step, a, w);
+            linear_course(of_step + OF_STEP);
             memcpy(of_step, a, sizeof a);
         }
     }

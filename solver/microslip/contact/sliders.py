@@ -12,22 +12,21 @@ import numpy as np
 from ._return_map import SpringPairs, vary
 
 MOST_PERIODS = 20  # after which the position of a slider that still drifts is used
-_BY_MEMORY, _BY_FIRST, _BY_LAST = slice(0, 4), slice(4, 10), slice(10, 16)
+_DERIVATIVES = 16  # of p_t (2,) by p_t (2,) and by the motion at both ends of a step (3,)
 
 
 @dataclass(frozen=True, eq=False)
 class SliderVariation:
     """Derivatives of p_t of n sliders that slip in a cycle, by their own p_t and by the motion of their pairs, for each step.
 
-    docs/theory.md, section 16.  The axis of length 3 has p_t (2,) at the end of a step, its mean over the step, and its mean
-    weighted with the time in the step, 0 to 1.
+    docs/theory.md, eq. (16.3).  The axis of length 3 has p_t (2,) at the end of a step, and begin and end of the linear course
+    that acts on the modes as p_t does.  The last axis: by p_t at the start of the step (2, 2) [-], by the motion at the start
+    and at the end (2, 3) [N/m].
     """
 
     pair: np.ndarray  # (n,) pair of each slider
     stiffness: np.ndarray  # (n, 2) [N/m]
-    by_memory: np.ndarray  # (n, n_steps, 3, 2, 2) by p_t at the start of the step [-]
-    by_first: np.ndarray  # (n, n_steps, 3, 2, 3) by the motion at the start [N/m]
-    by_last: np.ndarray  # (n, n_steps, 3, 2, 3) by the motion at the end [N/m]
+    derivatives: np.ndarray  # (n, n_steps, 3, 16)
     n_stuck: int  # number of sliders that never slip; the arrays omit them
 
 
@@ -50,14 +49,10 @@ class Sliders:
         the state of a pair changes; a variation of the motion is linear in it.
         """
         n = len(self.pair)
-        M, sticks = np.zeros((n, n_steps, 3, _BY_LAST.stop)), np.zeros(n, dtype=np.uint8)
+        M, sticks = np.zeros((n, n_steps, 3, _DERIVATIVES)), np.zeros(n, dtype=np.uint8)
         if n > 0:
             pair, du = np.ascontiguousarray(self.pair, dtype=np.intp), np.ascontiguousarray(du)
             moves = np.empty(du.shape[1], dtype=np.uint8)
             vary(self.parameters, pair, du, du.shape[1] // n_steps, MOST_PERIODS, M, sticks, moves)
         slips = np.flatnonzero(sticks == 0)
-        by_memory, by_first, by_last = (
-            M[slips][..., part].reshape(len(slips), n_steps, 3, 2, (part.stop - part.start) // 2)
-            for part in (_BY_MEMORY, _BY_FIRST, _BY_LAST)
-        )
-        return SliderVariation(self.pair[slips], self.stiffness[slips], by_memory, by_first, by_last, n - len(slips))
+        return SliderVariation(self.pair[slips], self.stiffness[slips], M[slips], n - len(slips))

@@ -21,29 +21,42 @@ _PARTS = 4  # of the way between two samples, at which springs that change are f
 class ContactVariation:
     """d p of ``m`` pairs along a cycle, by p_t of their sliders and by their motion, on n_sliders sliders that slip.
 
-    Along the first axis of three: the value at the end of a step, and begin and end of the linear course within it.
+    The axis after the steps: the value at the end of a step, and begin and end of the linear course within it.
     """
 
     pairs: np.ndarray  # (m,) numbers of the pairs, ascending
     slider_pair: np.ndarray  # (n_sliders,) place of the pair of each slider among these
     stiffness: np.ndarray  # (n_sliders, 2) [N/m]
-    by_memory: np.ndarray  # (n_steps, 3, n_sliders, 2, 2) [-]
-    by_first: np.ndarray  # (n_steps, 3, n_sliders, 2, 3) [N/m]
-    by_last: np.ndarray  # (n_steps, 3, n_sliders, 2, 3) [N/m]
-    memoryless_by_first: np.ndarray  # (n_steps, 3, m, 3) [N/m], component by component
-    memoryless_by_last: np.ndarray  # (n_steps, 3, m, 3) [N/m]
+    of_sliders: np.ndarray  # (n_sliders, n_steps, 3, 16), see :class:`SliderVariation`
+    memoryless_by_first: np.ndarray  # (m, n_steps, 3, 3) [N/m], component by component
+    memoryless_by_last: np.ndarray  # (m, n_steps, 3, 3) [N/m]
     n_stuck: int  # sliders that never slip
 
     @property
     def n_steps(self) -> int:
         """Steps of a cycle."""
-        return len(self.by_memory)
+        return self.of_sliders.shape[1]
+
+    @property
+    def by_memory(self) -> np.ndarray:
+        """By p_t at the start of a step, (n_sliders, n_steps, 3, 2, 2) [-]."""
+        return self.of_sliders[..., :4].reshape(*self.of_sliders.shape[:3], 2, 2)
+
+    @property
+    def by_first(self) -> np.ndarray:
+        """By the motion at the start of a step, (n_sliders, n_steps, 3, 2, 3) [N/m]."""
+        return self.of_sliders[..., 4:10].reshape(*self.of_sliders.shape[:3], 2, 3)
+
+    @property
+    def by_last(self) -> np.ndarray:
+        """By the motion at the end of a step, (n_sliders, n_steps, 3, 2, 3) [N/m]."""
+        return self.of_sliders[..., 10:].reshape(*self.of_sliders.shape[:3], 2, 3)
 
     @property
     def repeats(self) -> np.ndarray:
-        """Whether the forces vary in a step as in the one before it, (n_steps,) bool."""
-        arrays = self.by_memory, self.by_first, self.by_last, self.memoryless_by_first, self.memoryless_by_last
-        return np.all([(of == np.roll(of, 1, axis=0)).reshape(len(of), -1).all(axis=1) for of in arrays], axis=0)
+        """Whether the forces vary in a step as in the one before it, (n_steps - 1,) bool: not for the first one."""
+        arrays = self.of_sliders, self.memoryless_by_first, self.memoryless_by_last
+        return np.all([(of[:, 1:] == of[:, :-1]).all(axis=(0, 2, 3)) for of in arrays], axis=0)
 
 
 def contact_variation(
@@ -63,17 +76,12 @@ def contact_variation(
 def joined(parts: list[ContactVariation]) -> ContactVariation:
     """Return the variation of the pairs of all parts, whose numbers ascend from part to part.  Local."""
     starts = np.cumsum([0, *(len(part.pairs) for part in parts)])
-    along_steps = {
-        name: np.concatenate([getattr(part, name) for part in parts], axis=2)
-        for name in ("by_memory", "by_first", "by_last", "memoryless_by_first", "memoryless_by_last")
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("pairs", "stiffness", "of_sliders", "memoryless_by_first", "memoryless_by_last")
     }
-    return ContactVariation(
-        np.concatenate([part.pairs for part in parts]),
-        np.concatenate([part.slider_pair + start for part, start in zip(parts, starts)]),
-        np.concatenate([part.stiffness for part in parts]),
-        **along_steps,
-        n_stuck=sum(part.n_stuck for part in parts),
-    )
+    slider_pair = np.concatenate([part.slider_pair + start for part, start in zip(parts, starts)])
+    return ContactVariation(slider_pair=slider_pair, **arrays, n_stuck=sum(part.n_stuck for part in parts))
 
 
 def _of_block(
@@ -86,35 +94,32 @@ def _of_block(
     for part in parts:
         varies[part.pair] = True
     varying, place = np.flatnonzero(varies), np.cumsum(varies) - 1
-    first, last = _moments_of_rate(rate[::n_within, varying], n_steps, 1)  # exact for springs that do not change
+    first, last = _courses_of_rate(rate[::n_within, varying], n_steps, 1)  # exact for springs that do not change
     if changes.any():
         finer = np.moveaxis(synthesise(U[changes], n_steps * n_within * _PARTS, harmonics), 2, 0)  # (n_samples, .., 3)
-        moments = _moments_of_rate(law.take(changes).memoryless_rate(finer), n_steps, n_within * _PARTS)
-        first[:, :, place[changes]], last[:, :, place[changes]] = moments
+        courses = _courses_of_rate(law.take(changes).memoryless_rate(finer), n_steps, n_within * _PARTS)
+        first[place[changes]], last[place[changes]] = courses
     order = np.argsort(np.concatenate([part.pair for part in parts]), kind="stable")
 
     def together(name: str) -> np.ndarray:
-        """Return a value of the sliders of all kinds, by ascending pair; along the steps first, as linear courses."""
-        values = np.concatenate([getattr(part, name) for part in parts])[order]
-        return _as_courses(np.moveaxis(values, 0, 2))
+        """Return a value of the sliders of all kinds, by ascending pair."""
+        return np.concatenate([getattr(part, name) for part in parts])[order]
 
     return ContactVariation(
         numbers[varying],
-        place[np.concatenate([part.pair for part in parts])[order]],
-        np.concatenate([part.stiffness for part in parts])[order],
-        together("by_memory"),
-        together("by_first"),
-        together("by_last"),
-        _as_courses(first),
-        _as_courses(last),
+        place[together("pair")],
+        together("stiffness"),
+        together("derivatives"),
+        first,
+        last,
         sum(part.n_stuck for part in parts),
     )
 
 
-def _moments_of_rate(rate: np.ndarray, n_steps: int, n_within: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rates of p by the motion at begin and end of each step, (n_steps, 3, m, 3) each, from samples (n_samples, m, 3).
+def _courses_of_rate(rate: np.ndarray, n_steps: int, n_within: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rates of p by the motion at begin and end of each step, (m, n_steps, 3, 3) each, from samples (n_samples, m, 3).
 
-    Along the axis of three as :class:`SliderVariation` has it.
+    docs/theory.md, eq. (16.3).  Along the first axis of three as :class:`SliderVariation` has it.
     """
     at = (np.arange(n_steps)[:, None] * n_within + np.arange(n_within + 1)) % len(rate)
     time = np.linspace(0.0, 1.0, n_within + 1)
@@ -124,16 +129,7 @@ def _moments_of_rate(rate: np.ndarray, n_steps: int, n_within: int) -> tuple[np.
     moment[0], moment[-1] = 1.0 / (6.0 * n_within**2), (0.5 - 1.0 / (6.0 * n_within)) / n_within
     end = np.zeros(n_within + 1)
     end[-1] = 1.0
-    weights = np.stack([end, mean, moment])
+    weights = np.stack([end, 4.0 * mean - 6.0 * moment, 6.0 * moment - 2.0 * mean])
     within = rate[at]  # (n_steps, n_within + 1, m, 3)
-    first, last = (np.einsum("wj,sjmi->swmi", weights * share, within, optimize=True) for share in (1.0 - time, time))
+    first, last = (np.einsum("wj,sjmi->mswi", weights * share, within, optimize=True) for share in (1.0 - time, time))
     return first, last
-
-
-def _as_courses(values: np.ndarray) -> np.ndarray:
-    """Return value at the end, begin and end of the linear course, from value at the end, mean and first moment: axis 1.
-
-    docs/theory.md, eq. (16.3).
-    """
-    mean, moment = values[:, 1], values[:, 2]
-    return np.stack([values[:, 0], 4.0 * mean - 6.0 * moment, 6.0 * moment - 2.0 * mean], axis=1)

@@ -78,6 +78,12 @@ def _summed(of_pairs: scipy.sparse.csr_array | None, of_sliders: np.ndarray) -> 
     return (of_pairs @ of_sliders.reshape(len(of_sliders), math.prod(shape))).reshape(-1, *shape)
 
 
+def _rows(pairs: np.ndarray) -> np.ndarray:
+    """Return the rows of the motion of pairs (n,), (3 n,).  Local."""
+    rows: np.ndarray = (3 * pairs[:, None] + np.arange(3)).ravel()
+    return rows
+
+
 _MOST = 60  # numbers of memory of which a cycle is computed for each
 _LASTS = 0.1  # of a disturbance of a slider after a cycle
 _ERROR = 1e-6  # of multipliers, first order
@@ -127,7 +133,7 @@ class CycleMap:
             np.where(contact.stiffness > 0.0, contact.stiffness, 1.0)
         ).ravel()  # memory over it: root of an energy
         m = len(contact.pairs)
-        vary = (contact.memoryless_by_first.any(axis=(0, 1)) | contact.memoryless_by_last.any(axis=(0, 1))).reshape(m, 3)
+        vary = contact.memoryless_by_first.any(axis=(1, 2)) | contact.memoryless_by_last.any(axis=(1, 2))  # (m, 3)
         vary[contact.slider_pair, :2] = True
         self.varies = vary.ravel()  # (3 m,) which components of the forces ever vary
         self.components = np.flatnonzero(self.varies)
@@ -150,46 +156,44 @@ class CycleMap:
     @cached_property
     def _steps(self) -> list[ContactStep | None]:
         """The contact of each step; None where no force varies."""
-        no_rows = np.zeros(0, dtype=int)
-        steps = [self._contact_step(0, no_rows)]
-        for i, repeats in enumerate(self.contact.repeats[1:], start=1):
-            before = steps[-1]
+        c = self.contact
+        moves = c.memoryless_by_first.any(axis=(2, 3)) | c.memoryless_by_last.any(axis=(2, 3))  # (m, n_steps)
+        np.logical_or.at(moves, c.slider_pair, c.of_sliders[..., 4:].any(axis=(2, 3)))
+        steps = [self._contact_step(0, moves[:, 0], moves[:, 0])]
+        for i, repeats in enumerate(c.repeats, start=1):
             if repeats:  # as while a pair is open
-                steps.append(before and replace(before, fresh=no_rows))
+                steps.append(steps[-1] and replace(steps[-1], fresh=np.zeros(0, dtype=int)))
             else:
-                steps.append(self._contact_step(i, before.rows if before else no_rows))
+                steps.append(self._contact_step(i, moves[:, i], moves[:, i] & ~moves[:, i - 1]))
         return steps
 
-    def _contact_step(self, i: int, before: np.ndarray) -> ContactStep | None:
-        """Return the contact of a step, after one with the rows ``before``."""
-        c = self.contact
-        moves = (c.memoryless_by_first[i].any(axis=(0, 2))) | (c.memoryless_by_last[i].any(axis=(0, 2)))
-        moves[c.slider_pair[c.by_first[i].any(axis=(0, 2, 3)) | c.by_last[i].any(axis=(0, 2, 3))]] = True
-        pairs, sliders = np.flatnonzero(moves), np.flatnonzero(moves[c.slider_pair])
+    def _contact_step(self, i: int, moves: np.ndarray, begins: np.ndarray) -> ContactStep | None:
+        """Return the contact of a step in which pairs ``moves`` (m,) vary, of which ``begins`` (m,) do not in the step before."""
+        c, pairs, sliders = self.contact, np.flatnonzero(moves), np.flatnonzero(moves[self.contact.slider_pair])
         if len(pairs) == 0:
             return None
         n, place = len(pairs), np.searchsorted(pairs, c.slider_pair[sliders])
         of_pairs = _sums(place, n)
-        rows = (3 * pairs[:, None] + np.arange(3)).ravel()
+        rows = _rows(pairs)
         chosen = np.flatnonzero(self.varies[rows])
         components = np.searchsorted(self.components, rows[chosen])
 
-        by_last = np.moveaxis(c.by_last[i][:, sliders], 0, 1)  # (n_sliders, 3, 2, 3)
+        by_last = c.by_last[sliders, i]  # (n_sliders, 3, 2, 3)
         blocks = np.zeros((n, 3, 3, 3))
         blocks[:, :, :2] = _summed(of_pairs, by_last)
-        blocks[..., (0, 1, 2), (0, 1, 2)] += np.moveaxis(c.memoryless_by_last[i][:, pairs], 0, 1)
+        blocks[..., (0, 1, 2), (0, 1, 2)] += c.memoryless_by_last[pairs, i]
         of_modes = self.R_phi[rows].reshape(n, 1, 3, -1).swapaxes(-1, -2)
         forces = np.matmul(of_modes, blocks[:, 1:])  # (n, 2, n_modes, 3)
         to_modes = self.step.shifted(forces.transpose(1, 2, 0, 3).reshape(2, -1, 3 * n))
         motion = self.G_and_R.take(rows, axis=0).take(np.append(components, self.places_of_modes), axis=1)
         p_by_both = np.matmul(blocks[:, 0], motion.reshape(n, 3, -1)).reshape(3 * n, -1)
         J = np.vstack([p_by_both.take(chosen, axis=0), to_modes @ motion])
-        J[np.diag_indices(len(J))] += 1.0
+        np.einsum("ii->i", J)[:] += 1.0
         lu, pivots, _ = dgetrf(J.T, overwrite_a=True)  # in LAPACK's order
-        courses = np.concatenate([c.by_memory[i][:, sliders], c.by_first[i][:, sliders]], axis=-1)  # (3, n_sliders, 2, 5)
+        courses = np.concatenate([c.by_memory[sliders, i], c.by_first[sliders, i]], axis=-1)  # (n_sliders, 3, 2, 5)
         return ContactStep(
             rows=rows,
-            fresh=np.setdiff1d(rows, before, assume_unique=True),
+            fresh=_rows(np.flatnonzero(begins)),
             sliders=sliders,
             place=place,
             sum=of_pairs,
@@ -197,8 +201,8 @@ class CycleMap:
             chosen=chosen,
             motion=motion,
             R_phi=np.ascontiguousarray(self.R_p[components].T),
-            courses=np.moveaxis(courses, 0, 1).reshape(-1, 6, 5),
-            memoryless=c.memoryless_by_first[i][:, pairs, :, None],
+            courses=courses.reshape(-1, 6, 5),
+            memoryless=c.memoryless_by_first[pairs, i].swapaxes(0, 1)[..., None],
             by_last=by_last[:, 0],
             blocks=blocks.reshape(n, 9, 3),
             to_modes=to_modes,
@@ -258,7 +262,7 @@ class CycleMap:
         of_sliders = np.zeros((m, 3, k))
         of_sliders[:, :2] = _summed(_sums(self.contact.slider_pair, m), p_t)
         of_sliders = of_sliders.reshape(-1, k)
-        rate = self.contact.memoryless_by_last[-1, 0].ravel()
+        rate = self.contact.memoryless_by_last[:, -1, 0].ravel()
         d = np.linalg.solve(np.eye(3 * m) + self.G * rate, self.R @ x[0] - self.G @ of_sliders)
         return d, (of_sliders + rate[:, None] * d)[self.components]
 
@@ -274,7 +278,7 @@ class CycleMap:
         if len(self.contact.pairs) == 0:
             values = ModalStep(self.omega_n, self.damping, self.period).multipliers()
             return values[np.argsort(-np.abs(values), kind="stable")][:N_MULTIPLIERS]
-        moves = (self.contact.by_first.any(axis=(0, 1, 4)) | self.contact.by_last.any(axis=(0, 1, 4))).ravel()
+        moves = (self.contact.by_first.any(axis=(1, 2, 4)) | self.contact.by_last.any(axis=(1, 2, 4))).ravel()
         n_moving = int(np.count_nonzero(moves))  # a direction in which a slider never slips has the multiplier 1
         basis = np.eye(self.n_memory)[:, moves] if n_moving <= _MOST else self._lasting(moves)
         n_new = basis.shape[1]
@@ -305,7 +309,7 @@ class CycleMap:
         Local.  At least N_MULTIPLIERS; ``moves`` (n_memory,) excludes others.
         """
         left, root = np.eye(2) * moves.reshape(-1, 1, 2), self.root.reshape(-1, 2, 1)
-        for by_memory in self.contact.by_memory[:, 0]:
+        for by_memory in self.contact.by_memory[:, :, 0].swapaxes(0, 1):
             left = by_memory @ left
         _, sizes, directions = np.linalg.svd(left / root * root.swapaxes(1, 2))
         order = np.argsort(-sizes, axis=None)[: max(N_MULTIPLIERS, np.count_nonzero(sizes > _LASTS))]

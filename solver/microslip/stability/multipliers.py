@@ -44,7 +44,8 @@ def multipliers_at(
     """
     mine, G = _of_owned(equation, U, n_steps, n_within)
     n_sliders = sum(len(sliders.pair) for sliders in equation.law.sliders) - len(mine.slider_pair)
-    parts = equation.comm.gather((mine, G, n_sliders))
+    own = mine, G, n_sliders
+    parts = equation.comm.gather(own) if equation.comm.size > 1 else [own]
     return equation.comm.bcast(parts and _of_parts(equation.model_at(at), at.omega, parts))
 
 
