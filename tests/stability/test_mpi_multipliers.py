@@ -76,6 +76,23 @@ def test_multipliers_agree_with_the_map_of_an_independent_integration(name, regi
     assert np.abs(multipliers.values[:4]) == pytest.approx(values, abs=5e-3)
 
 
+def test_sliders_that_never_slip_in_one_direction_are_excluded():
+    """Of 120 pairs with a limit for each direction only x slips: the memory of y has the multiplier 1, which is not one of them."""
+    n, m = 120, 3
+    law = ElasticCoulomb(*np.ones((4, n)), np.ones(n, dtype=bool))
+    U = np.zeros((n, 3, 3))
+    U[:, 0, 1], U[:, 1, 2] = np.linspace(1.1, 3.0, n), 0.5
+    R_phi = 0.05 * np.random.default_rng(2).standard_normal((3 * n, m))
+    contact = contact_variation(law, np.arange(n), U, Harmonics.up_to(1), 32, 4)
+    cycle = CycleMap(1.0, np.array([0.7, 1.3, 2.1]), Damping(np.full(m, 0.3)), R_phi, 0.3 * np.eye(3 * n), contact)
+    moving = np.append(np.full(2 * m, True), np.tile([True, False], n))
+    unit = np.eye(2 * m + cycle.n_memory)[:, moving]
+    x, memory = cycle.apply(unit[: 2 * m].reshape(2, m, -1), unit[2 * m :])
+    exact = np.sort(np.abs(np.linalg.eigvals(np.vstack([x.reshape(2 * m, -1), memory])[moving])))[::-1]
+    assert 0.1 < exact[0] < 0.9
+    assert np.abs(cycle.multipliers()) == pytest.approx(exact[:6], abs=1e-6)
+
+
 def test_sliders_that_the_modes_do_not_excite_have_multipliers():
     """Four of 80 pairs with memory have no modal motion and slip little: their multipliers are just below 1."""
     n, n_not_excited, m = 80, 4, 3

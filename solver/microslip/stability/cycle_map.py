@@ -84,7 +84,7 @@ def _rows(pairs: np.ndarray) -> np.ndarray:
     return rows
 
 
-_MOST = 60  # numbers of memory of which a cycle is computed for each
+_MOST = 100  # numbers of memory of which a cycle is computed for each
 _LASTS = 0.1  # of a disturbance of a slider after a cycle
 _ERROR = 1e-6  # of multipliers, first order
 _CUT = 1e-7  # residuals of eigenvectors of length 1 below it are no new direction
@@ -306,14 +306,14 @@ class CycleMap:
     def _lasting(self, moves: np.ndarray) -> np.ndarray:
         """Return directions of the memory of which a tenth or more is left after a cycle with the motion as it is, (n_memory, k).
 
-        Local.  At least N_MULTIPLIERS; ``moves`` (n_memory,) excludes others.
+        Local.  At least N_MULTIPLIERS where so many last at all; ``moves`` (n_memory,) excludes others.
         """
         left, root = np.eye(2) * moves.reshape(-1, 1, 2), self.root.reshape(-1, 2, 1)
         for by_memory in self.contact.by_memory[:, :, 0].swapaxes(0, 1):
             left = by_memory @ left
         _, sizes, directions = np.linalg.svd(left / root * root.swapaxes(1, 2))
-        order = np.argsort(-sizes, axis=None)[: max(N_MULTIPLIERS, np.count_nonzero(sizes > _LASTS))]
-        slider, direction = np.unravel_index(order, sizes.shape)
-        basis = np.zeros((len(sizes), 2, len(order)))
-        basis[slider, :, np.arange(len(order))] = directions[slider, direction]
+        k = min(np.count_nonzero(sizes), max(N_MULTIPLIERS, np.count_nonzero(sizes > _LASTS)))
+        slider, direction = np.unravel_index(np.argsort(-sizes, axis=None)[:k], sizes.shape)
+        basis = np.zeros((len(sizes), 2, k))
+        basis[slider, :, np.arange(k)] = directions[slider, direction]
         return basis.reshape(self.n_memory, -1)
