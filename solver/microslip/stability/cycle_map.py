@@ -132,7 +132,6 @@ class CycleMap:
         self.root = np.sqrt(
             np.where(contact.stiffness > 0.0, contact.stiffness, 1.0)
         ).ravel()  # memory over it: root of an energy
-        m = len(contact.pairs)
         vary = contact.memoryless_by_first.any(axis=(1, 2)) | contact.memoryless_by_last.any(axis=(1, 2))  # (m, 3)
         vary[contact.slider_pair, :2] = True
         self.varies = vary.ravel()  # (3 m,) which components of the forces ever vary
