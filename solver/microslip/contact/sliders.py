@@ -19,7 +19,7 @@ _DERIVATIVES = 16  # of p_t (2,) by p_t (2,) and by the motion at both ends of a
 class SliderVariation:
     """Derivatives of p_t of n sliders that slip in a cycle, by their own p_t and by the motion of their pairs, for each step.
 
-    docs/theory.md, eq. (16.3).  The axis of length 3 has p_t (2,) at the end of a step, and begin and end of the linear course
+    docs/theory.md, section 16.  The axis of length 3 has p_t (2,) at the end of a step, and begin and end of the linear course
     that acts on the modes as p_t does.  The last axis: by p_t at the start of the step (2, 2) [-], by the motion at the start
     and at the end (2, 3) [N/m].
     """
