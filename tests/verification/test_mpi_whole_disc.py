@@ -188,6 +188,8 @@ def test_a_disc_with_other_differences_of_its_sectors_is_that_of_its_own_scene(s
     alike_blades = build(read_scene(path, ["cyclic.scatter={friction=0.1, seed=1}"]), COMM)
     with pytest.raises(CaseError, match="the blades differ only if they differ there"):
         alike_blades.with_sectors(scenes[0])
+    with pytest.raises(CaseError, match="no disc whose sectors may differ"):
+        first.alike.with_sectors(scenes[0])
     for structure in (first, second, alike_blades):
         structure.close()
 

@@ -81,6 +81,13 @@ class Structure(StuckStructure):
         """Return R K_L^-1 R^T for equilibria of the joint.  Collective if the structure must be assembled first."""
         return Flexibility(self.linearised)
 
+    def with_sectors(self, scene: Scene) -> Structure:
+        """Return the disc of another scene: :meth:`WholeStructure.with_sectors`.  Raises CaseError: no disc of such sectors."""
+        raise CaseError(
+            f"{scene.source}: with_sectors: the structure is no disc whose sectors may differ; build it of a scene with whole = "
+            "true in [cyclic]"
+        )
+
     def close(self) -> None:
         """Free the factors and the matrices, if there are any.  Collective."""
         groups = [stuck.factored.value.linearised for stuck in self.computed_groups.values() if stuck.factored.value is not None]
