@@ -29,7 +29,7 @@ def matrix_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
 
     docs/theory.md, eq. (4.6).
     """
-    return A @ x if A.dtype.kind != "c" else to_real(A @ to_complex(x), x.shape[-1])
+    return A @ x if A.dtype.kind != "c" else (A @ _conjugates(x).conj()).conj().view(float)
 
 
 def loaded_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -46,4 +46,9 @@ def adjoint_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
 
     docs/theory.md, eq. (4.6).
     """
-    return matrix_times(A.conj().T, x)
+    return A.T @ x if A.dtype.kind != "c" else (A.T @ _conjugates(x)).view(float)
+
+
+def _conjugates(x: np.ndarray) -> np.ndarray:
+    """Return the conjugates cos + i sin (m, N_H / 2) of amplitudes with real coefficients x (m, N_H), without a mean."""
+    return np.ascontiguousarray(x, dtype=float).view(complex)

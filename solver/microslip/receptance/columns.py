@@ -396,12 +396,13 @@ class _ComplexGroups:
         self.first_places = np.flatnonzero(steps < counts[:, None])  # of the harmonics in (g h,)
         self.R_units = [_largest(group.R_active) for group in groups]  # kg^-1/2
         n_modes = max(group.R_active.shape[1] for group in groups)
-        self.columns: np.ndarray = np.zeros((len(groups), len(groups[0].R_active), self.n_rows + n_modes), dtype=kind)
+        self.columns: np.ndarray = np.empty((len(groups), len(groups[0].R_active), self.n_rows + n_modes), dtype=kind)
         self.R_rows: np.ndarray = np.zeros((len(groups), n_modes, self.n_rows), dtype=kind)
         for columns, R_rows, group, R_unit in zip(self.columns, self.R_rows, groups, self.R_units):
             m = group.R_active.shape[1]
-            columns[:, : self.n_rows] = group.G_static.columns(rows) * (1.0 / unit)
+            group.G_static.write_columns(rows, unit, columns[:, : self.n_rows])
             columns[:, self.n_rows : self.n_rows + m] = group.R_active.conj() / R_unit
+            columns[:, self.n_rows + m :] = 0.0
             R_rows[:m] = group.R_owned[rows].T / R_unit
 
     def move_to(self, groups: list[GroupColumns], unit: float) -> None:

@@ -207,8 +207,14 @@ class ComplexColumns(ChosenColumns):
 
     def columns(self, wanted: np.ndarray) -> np.ndarray:
         """Return a copy of the rows ``wanted`` (k,) of G, transposed, complex (3 m, k)."""
+        columns = np.empty((self.shape[0], len(wanted)), dtype=complex)
+        self.write_columns(wanted, 1.0, columns)
+        return columns
+
+    def write_columns(self, wanted: np.ndarray, unit: float, out: np.ndarray) -> None:
+        """Write these rows of G, transposed and divided by ``unit``, into ``out`` (3 m, k), complex of any precision."""
         both = (2 * np.asarray(wanted)[:, None] + np.arange(2)).ravel()
-        return super().columns(both).view(complex)
+        super().write_columns(both, unit, out.view(out.real.dtype))
 
 
 class ConjugateColumns(ComplexColumns):
@@ -227,9 +233,10 @@ class ConjugateColumns(ComplexColumns):
         """Return this rank's part of the real coefficients of G^T x, (3 m, N_H); there is no mean."""
         return _conjugate(super().apply_adjoint(_conjugate(x)))
 
-    def columns(self, wanted: np.ndarray) -> np.ndarray:
-        """Return a copy of the rows ``wanted`` (k,) of conj(G), transposed, complex (3 m, k)."""
-        return super().columns(wanted).conj()
+    def write_columns(self, wanted: np.ndarray, unit: float, out: np.ndarray) -> None:
+        """Write rows of conj(G) as the base class those of G."""
+        super().write_columns(wanted, unit, out)
+        np.conjugate(out, out=out)
 
 
 def _conjugate(q: np.ndarray) -> np.ndarray:
