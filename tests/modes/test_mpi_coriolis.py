@@ -155,9 +155,12 @@ def test_campbell_table_has_the_waves_of_a_disc_at_several_speeds(comm, shared_p
     assert {"campbell.png", "interference.png"} <= {file.name for file in out.iterdir()}
 
 
-@pytest.mark.parametrize("of_disc", [False, True])
-def test_a_forced_response_refuses_coriolis_forces(comm, shared_path, program, of_disc):
-    end = turning(60.0) + response(1.0)
-    path = on_root(comm, lambda: write_sector(shared_path, 5, end, preload=2e7) if of_disc else write_shaft(shared_path, 60.0))
+@pytest.mark.parametrize("wave", [None, {"engine_order": 1}, {"engine_order": 1, "whole": True}])
+def test_a_forced_response_refuses_coriolis_forces(comm, shared_path, program, wave):
+    def write():
+        end = turning(60.0) + response(1.0)
+        return write_shaft(shared_path, 60.0) if wave is None else write_sector(shared_path, 5, end, wave=wave, preload=2e7)
+
+    path = on_root(comm, write)
     status, _, err = program("run", path, "--out", shared_path / "out")
     assert status == 2 and "only `microslip modes` takes Coriolis forces in" in err and "Traceback" not in err

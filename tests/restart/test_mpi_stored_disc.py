@@ -2,15 +2,21 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
-from discs import write_sector
+from discs import cyclic, load, output, write_sector
 from mpi4py import MPI
+from scene_text import joint, table
 
+from microslip.library.build import build
 from microslip.parallel.agree import on_root
+from microslip.reduction import mistuning
+from microslip.restart.folder import Restart
 from microslip.results.fields import read_fields
 from microslip.results.read import read_results
+from microslip.scene.read import read_scene
 
 pytestmark = pytest.mark.ranks(1, 2)
 STAGE_OF_MODES = re.compile(r"\n *modes  +[0-9.]+ s")
@@ -147,3 +153,98 @@ def test_discs_whose_sectors_differ_in_other_ways_share_the_disc_of_identical_se
     assert "the disc of identical sectors is that of this folder" in log and "modes of all nodal diameters" not in log
     np.testing.assert_array_equal(at_again, at_without)
     np.testing.assert_array_equal(again, without)
+
+
+WHOLE = {"engine_order": 1, "whole": True, "blades": ["blade"]}
+OF_BLADES = END.replace("modes = 12", "modes = 6").replace("[20.0]", "[4.0]")
+
+
+def set_ups(folder):
+    """Return the folders of the nodal diameters of the disc with static shapes in a run's folder, in order.  Rank 0."""
+    return sorted((folder / "restart").glob("setup-*/shaped-diameter-*"))
+
+
+def without_results(folder):
+    """Remove the levels and the results of a run, which keeps its set-up.  Rank 0."""
+    for path in (folder / "restart").glob("level-*"):
+        shutil.rmtree(path)
+    (folder / "results.h5").unlink()
+
+
+def other_signs(K, M, ritz=mistuning._ritz):
+    """Return the static shapes with the other sign of every second one, which are as good."""
+    omega2, X = ritz(K, M)
+    return omega2, X * (-1.0) ** np.arange(X.shape[1])
+
+
+def test_nodal_diameters_of_different_computations_are_not_combined(shared_path, program, monkeypatch):
+    """Static shapes of one computation and matrices of the blades of another would give a wrong disc."""
+    monkeypatch.setenv("MICROSLIP_CACHE", "off")
+    scene = on_root(COMM, lambda: write_sector(shared_path, 5, OF_BLADES, friction=0.05, wave=WHOLE))
+    of_run = ("--set", "cyclic.scatter={stiffness = 0.01, seed = 1}")
+    _, expected, _ = run(program, scene, shared_path / "first", *of_run)
+    with monkeypatch.context() as patch:
+        patch.setattr(mistuning, "_ritz", other_signs)
+        run(program, scene, shared_path / "second", *of_run)
+
+    def mix():
+        first, second = (set_ups(shared_path / name) for name in ("first", "second"))
+        assert len(first) == len(second) == 3
+        for mine, other in zip(first[1:], second[1:]):
+            shutil.rmtree(mine)
+            shutil.copytree(other, mine)
+        without_results(shared_path / "first")
+
+    on_root(COMM, mix)
+    _, mixed, log = run(program, scene, shared_path / "first", *of_run)
+    assert "modes of all nodal diameters" in log
+    np.testing.assert_allclose(mixed, expected, atol=1e-8 * np.abs(expected).max())
+    on_root(COMM, lambda: without_results(shared_path / "first"))
+    _, again, log = run(program, scene, shared_path / "first", *of_run)
+    assert "modes of all nodal diameters" not in log  # all are of one computation again
+    np.testing.assert_array_equal(again, mixed)
+
+
+def test_a_run_whose_cache_is_removed_has_the_modes_in_its_folder(shared_path, program, monkeypatch):
+    monkeypatch.setenv("MICROSLIP_CACHE", str(shared_path / "cache"))
+    end = OF_BLADES.replace("fields = false\n", "")
+    scene = on_root(COMM, lambda: write_sector(shared_path, 5, end, friction=0.05, wave=WHOLE))
+    run(program, scene, shared_path / "first", "--set", "cyclic.scatter={stiffness = 0.01, seed = 1}")
+    prepared = Restart.prepared
+
+    def and_lose_the_cache(*arguments):
+        result = prepared(*arguments)
+        on_root(COMM, lambda: shutil.rmtree(shared_path / "cache"))
+        return result
+
+    monkeypatch.setattr(Restart, "prepared", and_lose_the_cache)
+    *_, log = run(program, scene, shared_path / "second", "--set", "cyclic.scatter={stiffness = 0.01, seed = 2}")
+    assert "of an earlier run" in log and "fields for ParaView" in log
+
+
+SECTOR_AT_SPEED = Path(__file__).parents[1] / "data" / "sector_at_speed.inp"  # five sectors, *DLOAD CENTRIF in its first step
+
+
+def write_sector_at_speed(folder):
+    """Write a disc whose material, bodies, support and rotation are those of its model file."""
+    shutil.copy(SECTOR_AT_SPEED, folder / "sector.inp")
+    text = table("model", mesh="sector.inp") + joint("root", "slot", name="root", friction=0.05, preload=2e7, k_t=5e11)
+    text += cyclic(5, **WHOLE) + load(5) + output(5) + OF_BLADES
+    (folder / "sector.toml").write_text(text)
+    return folder / "sector.toml"
+
+
+def test_the_loads_at_rest_of_a_model_file_are_those_of_the_whole_disc(shared_path, program, monkeypatch):
+    """They refuse contact that differs; other differences are those of a disc that is built, also after the first one."""
+    monkeypatch.setenv("MICROSLIP_CACHE", "off")
+    scene = on_root(COMM, lambda: write_sector_at_speed(shared_path))
+    status, _, messages = program(
+        "run", scene, "--out", shared_path / "refused", "--set", "cyclic.scatter={friction=0.1, seed=1}"
+    )
+    assert status == 2 and "friction of a sector takes part in it" in messages
+    settings = [f"cyclic.scatter={{stiffness=0.01, seed={seed}}}" for seed in (1, 2)]
+    run(program, scene, shared_path / "run", "--set", settings[0])
+    scenes = [read_scene(scene, [setting]) for setting in settings]
+    with build(scenes[0], COMM) as first:
+        assert first.shares_modes_with(scenes[1])
+        first.with_sectors(scenes[1]).close()

@@ -1,6 +1,7 @@
 """A disc with the pairs of all sectors, [cyclic] whole, compared with the same full ring; on any number of ranks."""
 
 import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -185,6 +186,9 @@ def test_a_disc_with_other_differences_of_its_sectors_is_that_of_its_own_scene(s
     for setting in ("joints.root.friction=0.06", "cyclic.engine_order=2"):
         with pytest.raises(CaseError, match="only scatter, sector and table of"):
             first.with_sectors(read_scene(path, [*scenes[1].settings, setting]))
+    elsewhere = on_root(COMM, lambda: shutil.copytree(shared_path, shared_path / "elsewhere")) / path.name
+    with pytest.raises(CaseError, match="from a scene in the same folder"):  # its mesh may be another
+        first.with_sectors(read_scene(elsewhere, scenes[1].settings))
     alike_blades = build(read_scene(path, ["cyclic.scatter={friction=0.1, seed=1}"]), COMM)
     with pytest.raises(CaseError, match="the blades differ only if they differ there"):
         alike_blades.with_sectors(scenes[0])

@@ -49,7 +49,7 @@ from ..statics.equilibrium import Flexibility
 from ..statics.reference_state import AtRest, ReferenceState, find_rest
 from ..system.memory import gigabytes, give_back
 from ..tables.cyclic import Cyclic
-from .complete import read_completed
+from .complete import completed_scene, read_completed
 from .dropped import free_dropped, free_if_dropped
 from .settings import reduction_settings
 
@@ -132,25 +132,29 @@ class WholeStructure(WholeDisc, Structure):
         ------
         CaseError : the scene differs in more, or its blades differ and those of this disc do not; invalid factors; on every rank
         """
+        scene = completed_scene(scene, self.comm)
         if not self.shares_modes_with(scene):
             raise CaseError(
                 f"{scene.source}: with_sectors: only scatter, sector and table of [cyclic] may be others than those of the disc "
-                "that was built, and the blades differ only if they differ there; build the structure of this scene"
+                "that was built, from a scene in the same folder, and the blades differ only if they differ there; build the "
+                "structure of this scene"
             )
         disc = whole_disc(self._alike, scene, factors_of_sectors(scene, self.comm), RunLog(self.comm, screen=False))
         return replace(disc, shares=True)
 
     def shares_modes_with(self, scene: Scene) -> bool:
-        """Return whether a scene differs in its sectors alone, with blades that differ only if those of this disc do.
+        """Return whether a scene of the same folder differs in its sectors alone, with blades that differ only if those here do.
 
         Collective.
         """
-        whole = [self.scene, scene]
+        whole = [self.scene, completed_scene(scene, self.comm)]
+        if self.scene.folder.resolve() != scene.folder.resolve():  # their files may be others of the same name
+            return False
         if not all(each.cyclic is not None and each.cyclic.whole for each in whole):
             return False
         first, second = (each.model_dump(exclude={"cyclic": {"scatter", "sector", "table"}}) for each in whole)
         has_forms = (FORMS, self.tuned[0].projected) in self.tuned[0].results
-        return first == second and (has_forms or not factors_of_sectors(scene, self.comm).changes_blades)
+        return first == second and (has_forms or not factors_of_sectors(whole[1], self.comm).changes_blades)
 
     @property
     def _alike(self) -> list[Structure]:
@@ -354,13 +358,14 @@ def at_diameter(parts: Assembled, d: int, explicit: bool = True) -> Assembled:
 
 
 def factors_of_sectors(scene: Scene, comm: MPI.Comm) -> SectorFactors:
-    """Return the values of each sector of a disc relative to the model.  Collective.
+    """Return the values of each sector of a disc relative to the model, for a scene completed by its model file.  Collective.
 
     Raises
     ------
-    CaseError : of the table or the scatter, or of what takes part in the state of rest; on every rank
+    CaseError : of the table or the scatter, of what takes part in the state of rest, or of Coriolis forces; on every rank
     """
     assert scene.cyclic is not None, "a disc"
+    _refuse_coriolis(scene)
     factors = on_root(comm, factors_of, scene.cyclic, scene.path)
     if scene.statics is not None and factors.contact_that_differs:
         raise CaseError(
@@ -382,7 +387,7 @@ def tuned_disc(parts: Assembled, changes_blades: bool, log: RunLog) -> list[Stru
     """
     cyclic, sectors = parts.scene.cyclic, parts.rest.system.sectors
     assert cyclic is not None, "a disc"
-    tuned = _alike(parts, cyclic, log)
+    tuned = [replace(each, groups=None) for each in _alike(parts, cyclic, log)]  # memory of the modes that shapes replace
     if not changes_blades or sectors is None or sectors.blades is None:
         return tuned
     n_modes = [each.n_modes for each in tuned]

@@ -40,6 +40,14 @@ def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scen
     return None if model is None else held_by(scene, model), completed, (*notes, *remarks(completed))
 
 
+def completed_scene(scene: Scene, comm: MPI.Comm) -> Scene:
+    """Return the scene completed by its model file, which is read only where it may add to the scene.
+
+    Collective.  Raises as :func:`read_completed`.
+    """
+    return read_completed(scene, comm)[1] if scene.awaits_file else scene
+
+
 def held_by(scene: Scene, model: FileModel) -> FileModel:
     """Return the model without its supports in rotated axes (which are equations), if the scene states supports itself.
 

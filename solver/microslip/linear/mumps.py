@@ -98,6 +98,7 @@ class MumpsFactor:
         """Free the factor, except after a stopping signal, when other ranks do not take part.  Collective."""
         if not is_stopping():
             self.mumps.end()
+            self._workspace = None
 
     def save(self, folder: str) -> None:
         """Write the factor, which lies in memory, into an empty folder: :func:`saved_file` of every rank.  Collective.

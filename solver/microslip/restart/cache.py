@@ -77,13 +77,13 @@ class Cache:
                 shutil.rmtree(self.files.path, ignore_errors=True)
         return None
 
-    def share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> str:
-        """Store a structure unless the cache has the same extent already; return an error message or nothing."""
-        return self._tried(self._share, structure, of_run, renews)
+    def share(self, structure: Structure, of_run: StoredStructure, computation: str, renews: bool) -> str:
+        """Store a structure unless the cache has it in the same extent already; return an error message or nothing."""
+        return self._tried(self._share, structure, of_run, computation, renews)
 
-    def _share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> None:
+    def _share(self, structure: Structure, of_run: StoredStructure, computation: str, renews: bool) -> None:
         cached = None if renews else self.files.read()
-        if cached is None or cached[1]["extent"] != extent_of(structure):
+        if cached is None or [cached[1][key] for key in ("extent", "computation")] != [extent_of(structure), computation]:
             self.files.copy_from(of_run)
             if renews:
                 self.files.columns.path.unlink(missing_ok=True)

@@ -59,6 +59,7 @@ class SetUp:
     large: Large | None = None  # of a nodal diameter: computes the large parts
     of_group: Mapping[str, Any] = field(default_factory=dict)  # of a nodal diameter: fields of its structure
     has_choices: bool = False  # whether the place in the cache depends on the pairs and on what the modes are chosen by
+    computation: str = ""  # of a disc whose sectors may differ: name of the computation of all nodal diameters, this one in it
     _notes: list[str] = field(default_factory=list)  # that a continued run repeats
     _modes: Path | None = None  # file of its modes in the cache, if they are from there
     _stored: tuple[Structure, Basis | None, list[int]] | None = None  # the structure in the folder, its basis and extent
@@ -94,7 +95,7 @@ class SetUp:
             if self.cache is not None:
                 self.cache.files.columns.restore(structure.statics.G_static, is_known=False)
             self.files.columns.restore(structure.statics.G_static, is_known=True)
-        self._notes = stored[1]["notes"]
+        self._notes, self.computation = stored[1]["notes"], stored[1]["computation"]
         self._repeat_notes("that of this folder")
         self._follow(structure, basis)
         return structure
@@ -106,7 +107,7 @@ class SetUp:
             return None
         texts = stored[1]
         with self._stage("structure from the cache"):
-            structure, self._notes = self._structure_of(cache.files, stored), texts["notes"]
+            structure, self._notes = self._structure_of(cache.files, stored, self.path), texts["notes"]
             has_pairs = texts["is_at_rest"] or self.has_choices
             pairs = structure.pairs if has_pairs else pairs_for(self.scene, structure.pairs, texts["joints"], self.comm)
             if pairs is None:
@@ -115,7 +116,7 @@ class SetUp:
             if not self.has_choices:
                 structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(self.scene))
                 self._notes = [*(note for note in self._notes if not note.startswith(_WHY)), why]
-        self._modes = cache.files.path / texts["modes"]
+        self._modes, self.computation = cache.files.path / texts["modes"], texts["computation"]
         self._repeat_notes(f"that of an earlier run, in {cache.entry}")
         return structure
 
@@ -129,8 +130,14 @@ class SetUp:
             if note not in self.log.notes:
                 self.log.note(note)
 
-    def _structure_of(self, files: StoredStructure, stored: tuple[Arrays, dict[str, Any]]) -> Structure:
-        return replace(files.structure(stored, self.scene, self.log, self.large), **self.of_group)
+    def _structure_of(
+        self, files: StoredStructure, stored: tuple[Arrays, dict[str, Any]], copies: Path | None = None
+    ) -> Structure:
+        return replace(files.structure(stored, self.scene, self.log, self.large, copies), **self.of_group)
+
+    def forget(self, computation: str) -> None:
+        """Forget the structure from a folder, so that one of another ``computation`` is stored in its place.  Local."""
+        self._stored, self._modes, self.fresh, self.computation = None, None, True, computation
 
     def store(self, structure: Structure, basis: Basis | None = None) -> None:
         """Store the structure in the folder and in the cache, unless it is from the folder; append new static columns."""
@@ -145,8 +152,8 @@ class SetUp:
     def _write(self, structure: Structure, basis: Basis | None) -> None:
         modes = self._modes if structure.factored.value is None else None
         more = {"notes": self._notes, "joints": joints_of(self.scene), "is_at_rest": self.scene.statics is not None}
-        self.files.write(structure, basis, modes, more)
-        if self.cache is not None and (problem := self.cache.share(structure, self.files, self.fresh)):
+        self.files.write(structure, basis, modes, {**more, "computation": self.computation})
+        if self.cache is not None and (problem := self.cache.share(structure, self.files, self.computation, self.fresh)):
             self.log.note(problem)
 
     def share_columns(self) -> str:

@@ -6,8 +6,9 @@ Matrices and factor of the sector are computed once for all nodal diameters, whe
 differ, all nodal diameters of identical sectors are stored: runs with other differences share them.
 """
 
+import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 from ..library.build import (
@@ -26,6 +27,7 @@ from ..library.build import (
     whole_disc,
     without_reference,
 )
+from ..library.complete import completed_scene
 from ..linear.joint_springs import Linearised
 from ..receptance.per_group import PerGroup
 from ..reduction.stuck import Factored, ModesOf
@@ -52,22 +54,29 @@ class StoredDisc:
 
     def _of_all_sectors(self) -> Structure:
         """Return the structure of a disc whose sectors may differ, and store those of identical sectors."""
-        whole = self.whole
-        factors = factors_of_sectors(whole.scene, whole.comm)
-        tuned: list[Structure] = []
+        whole, scene = self.whole, completed_scene(self.whole.scene, self.whole.comm)
+        factors = factors_of_sectors(scene, whole.comm)
+        new, tuned = whole.comm.bcast(uuid.uuid4().hex), list[Structure]()
 
         def computed(d: int) -> Structure:
             if not tuned:
                 tuned.extend(tuned_disc(self._parts, factors.changes_blades, whole.log))
             return tuned[d]
 
-        name, of_diameters = "shaped-diameter" if factors.changes_blades else "diameter", []
+        name = "shaped-diameter" if factors.changes_blades else "diameter"
         with whole.log.stage("disc of identical sectors"):
             for d in range(self._cyclic.sectors // 2 + 1):
                 of_group = {"group": d, "conjugate": conjugate_of(d, self._cyclic.sectors)}
-                set_up = whole.part(f"{name}-{d}", "the disc of identical sectors", partial(self._large, d), of_group)
-                of_diameters.append(self._stored(set_up, partial(computed, d)))
-        return whole_disc(of_diameters, whole.scene, factors, whole.log)
+                part = whole.part(f"{name}-{d}", "the disc of identical sectors", partial(self._large, d), of_group)
+                self.set_ups.append(replace(part, computation=new))
+            of_diameters = [set_up.structure(partial(computed, d)) for d, set_up in enumerate(self.set_ups)]
+            if len({set_up.computation for set_up in self.set_ups}) > 1:  # their shapes may differ in sign, and by rotations
+                of_diameters = [computed(d) for d in range(len(self.set_ups))]
+                for set_up in self.set_ups:
+                    set_up.forget(new)
+            for set_up, structure in zip(self.set_ups, of_diameters):
+                set_up.store(structure)
+        return whole_disc(of_diameters, scene, factors, whole.log)
 
     @cached_property
     def _groups(self) -> PerGroup[Structure]:

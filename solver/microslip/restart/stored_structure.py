@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -61,33 +61,40 @@ class StoredStructure:
         return read_record(self.model)
 
     def structure(
-        self, stored: tuple[Arrays, dict[str, Any]], scene: Scene, log: RunLog, large: Large | None = None
+        self,
+        stored: tuple[Arrays, dict[str, Any]],
+        scene: Scene,
+        log: RunLog,
+        large: Large | None = None,
+        copies: Path | None = None,
     ) -> Structure:
         """Return the structure of arrays and texts, the same on every rank.  Local.
 
         Its large parts are computed when first needed, by ``large`` from a function that reads the modes, or from the scene.
+        ``copies`` is a folder that may have the file of the modes, too.
         """
         arrays, texts = stored
 
         def assemble() -> Factored:
-            modes_of = partial(self._modes, texts["modes"], structure.projected.omega_n, structure.n_proved)
+            places = [folder / texts["modes"] for folder in (copies, self.path) if folder is not None]
+            modes_of = partial(self._modes, places, structure.projected.omega_n, structure.n_proved)
             return rebuilt(scene, self.comm, log, self.factor, modes_of) if large is None else large(modes_of)
 
         structure = structure_of(arrays, texts, scene, self.comm, OnDemand(assemble))
         return structure
 
-    def _modes(self, name: str, omega_n: np.ndarray, n_proved: int, linearised: Linearised) -> Modes:
-        """Return the modes of a file, or compute them again if it is missing or damaged.  Collective.
+    def _modes(self, places: Sequence[Path], omega_n: np.ndarray, n_proved: int, linearised: Linearised) -> Modes:
+        """Return the modes of the first file that has them, or compute them again if all are missing or damaged.  Collective.
 
         Raises
         ------
         CaseError : it is missing or damaged and they are not the lowest; on every rank
         """
-        record = on_root(self.comm, read_modes, self.path / name, share=False)
+        record = on_root(self.comm, _first_modes, places, share=False)
         if not self.comm.bcast(record is not None):
             modes = lowest_modes(linearised, len(omega_n))
             if not np.allclose(modes.omega_n, omega_n, rtol=_SAME):
-                raise CaseError(f"{self.path / name}: missing or damaged; --fresh computes the modes again")
+                raise CaseError(f"{places[-1]}: missing or damaged; --fresh computes the modes again")
             return modes
         proof = {"complete": False, "proved": n_proved}
         if not linearised.maps.is_complex:
@@ -146,6 +153,11 @@ def read_modes(path: Path) -> np.ndarray | None:
         record = read_record(path)
         return None if record is None else record[0]["phi"]
     return None
+
+
+def _first_modes(places: Sequence[Path]) -> np.ndarray | None:
+    """Return the modes of the first of some files that has them.  Rank 0."""
+    return next((modes for modes in map(read_modes, places) if modes is not None), None)
 
 
 def link_or_copy(source: Path, target: Path) -> None:

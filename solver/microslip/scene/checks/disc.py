@@ -65,7 +65,7 @@ def _other_axis(cyclic: Cyclic, axis: Sequence[float], point: Sequence[float]) -
 def _whole_disc(scene: Scene) -> list[str]:
     """Return mistakes: keys that a disc with the pairs of all sectors cannot have."""
     cyclic, damping, mistakes = scene.cyclic, scene.damping, []
-    unknown = [name for name in cyclic.blades or () if name not in scene.bodies]
+    unknown = [name for name in cyclic.blades or () if name not in scene.bodies and not scene.awaits_file]
     if unknown:
         mistakes.append(f"[cyclic] blades: there is no body {unknown[0]!r}{hint(unknown[0], scene.bodies)}")
     if scene.solver.method != "receptance":
