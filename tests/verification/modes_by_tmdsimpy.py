@@ -13,6 +13,8 @@ import tempfile
 import time
 from pathlib import Path
 
+import microslip  # isort: skip  selects the kernels of OpenBLAS before NumPy is loaded
+
 import numpy as np
 
 from microslip.parallel.petsc import initialise
@@ -21,8 +23,6 @@ initialise()  # before anything imports PETSc
 
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
-
-import microslip
 
 H, SAMPLES = 3, 128
 

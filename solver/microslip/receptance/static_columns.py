@@ -159,6 +159,7 @@ class ChosenColumns(Rows):
     def __init__(self, places: np.ndarray, n: int, blocks: object, largest: float):
         super().__init__(places, n, np.float64, blocks)
         self.largest = largest  # largest magnitude of the entries
+        self._adjoint: tuple[np.ndarray, np.ndarray] | None = None  # the last x and its product
 
     def part(self, chosen: np.ndarray) -> ChosenColumns:
         """Return the columns ``chosen`` (k,), in the same memory."""
@@ -174,7 +175,15 @@ class ChosenColumns(Rows):
         return self.combined(p).T
 
     def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
-        """Return this rank's part of the real coefficients of G^H x, (3 m, N_H), for x (n_rows, N_H)."""
+        """Return this rank's part of the real coefficients of G^H x, (3 m, N_H), for x (n_rows, N_H).
+
+        Cached for the last x: a row of continuation by arc length is the same in all Newton iterations of a point.
+        """
+        if self._adjoint is None or not np.array_equal(x, self._adjoint[0]):
+            self._adjoint = x.copy(), self._adjoint_times(x)
+        return self._adjoint[1]
+
+    def _adjoint_times(self, x: np.ndarray) -> np.ndarray:
         return self.times(x)
 
 
@@ -197,8 +206,8 @@ class ComplexColumns(ChosenColumns):
         y[:, 0::2], y[:, 1::2] = (cos.real + sin.imag).T, (sin.real - cos.imag).T
         return y
 
-    def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
-        """Return G^H x as the base class; amplitudes are cos - i sin, and there is no mean."""
+    def _adjoint_times(self, x: np.ndarray) -> np.ndarray:
+        """Return G^H x; amplitudes are cos - i sin, and there is no mean."""
         sides = np.empty((self.n_rows, 2, x.shape[1]))
         cos, sin = x[:, 0::2], x[:, 1::2]
         sides[:, 0, 0::2], sides[:, 1, 0::2] = cos, -sin
@@ -229,9 +238,9 @@ class ConjugateColumns(ComplexColumns):
         """Return the real coefficients of conj(G) p, (n_rows, N_H) [m]; there is no mean."""
         return _conjugate(super().apply(_conjugate(p)))
 
-    def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
+    def _adjoint_times(self, x: np.ndarray) -> np.ndarray:
         """Return this rank's part of the real coefficients of G^T x, (3 m, N_H); there is no mean."""
-        return _conjugate(super().apply_adjoint(_conjugate(x)))
+        return _conjugate(super()._adjoint_times(_conjugate(x)))
 
     def write_columns(self, wanted: np.ndarray, unit: float, out: np.ndarray) -> None:
         """Write rows of conj(G) as the base class those of G."""
