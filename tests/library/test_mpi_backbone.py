@@ -383,6 +383,7 @@ def test_a_harmonic_at_the_frequency_of_another_mode_is_reported(structure):
     [
         (one_mass(), 2, "there is no mode 2: the structure has 1 mode, and only --mode 1 can be followed"),
         (one_mass(mu=np.zeros(1)), 1, "no pair has friction"),
+        (two_masses() | {"K": np.diag([1.0, 2.0])}, 1, "modes 1, 2 have the same frequency, 0.225079 Hz"),
         (on_a_stop() | {"N0": np.zeros(1)}, 1, "no pair has friction and a preload, and none a gap"),
         (one_slack(), 2, "all pairs that mode 2 moves are closed without a preload"),
         (on_a_stop() | {"K": np.diag([2.0, 0.0])}, 1, "1 of 1 pair is open at rest, and without contact there"),

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from .respond import OfJoints
 
 NONE = 1e-12  # damping ratio by friction below which nothing slips: rounding, of either sign
+NO_FORCE = 1e-8  # modal force of loads over that of the mode that they excite most, below which they do not act: rounding
+EQUAL = 1e-6  # relative difference of frequencies up to which modes are multiple
 PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further
 AT_BEGIN = 1e-3  # of the static load of the first point: largest share of the pairs where a mode begins
 CHECKED = 6  # points that are solved again for their error
@@ -364,6 +366,17 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
             f"{where}: there is no mode {mode}: {has} {'were' if n > 1 else 'was'} computed; state {choice}, or raise "
             "[solver] modes"
         )
+    omega_n = model.groups[k].receptance.modes.omega_n
+    others = np.flatnonzero(np.abs(omega_n / omega_n[mode - 1] - 1.0) <= EQUAL) + 1
+    if len(others) > 1:
+        whole = scene.cyclic is not None and scene.cyclic.whole
+        cure = (
+            "leave [cyclic] whole out, for the wave of a nodal diameter" if whole else "let a mass or a stiffness tell them apart"
+        )
+        raise CaseError(
+            f"{where}: modes {', '.join(map(str, others))} have the same frequency, {omega_n[mode - 1] / (2.0 * np.pi):.6g} Hz: "
+            f"any combination of them is a mode, and none of these begins a single nonlinear one; {cure}, or state another --mode"
+        )
     if pairs.n_pairs == 0:
         raise CaseError(f"{where}: the scene has no [[joints]]: frequency and damping do not depend on the amplitude")
     if any(load.harmonic == 0 for load in scene.loads):
@@ -418,7 +431,8 @@ def modal_force(problem: NonlinearMode, at: OperatingPoint, loaded: ReducedModel
     modes, static = receptance.modes, receptance.static
     flexible = eta + (modes.R_phi.conj().T @ p_1) / modes.omega_n**2
     y = modes.b.conj().T @ flexible - static.du_static.conj().T @ p_1
-    return complex(np.vdot(y, f_1) / at.level)
+    force, most = complex(np.vdot(y, f_1)), np.linalg.norm(flexible) * float(np.abs(modes.b).max(axis=0) @ np.abs(f_1))
+    return force / at.level if abs(force) > NO_FORCE * most else 0.0
 
 
 def checked(problem: NonlinearMode, branch: Branch, points: list[ModePoint], tolerance: float) -> tuple[Check, ...]:

@@ -1,9 +1,12 @@
 """The command `backbone`: build, follow a nonlinear mode, compare with statics and forced responses; tables and pictures."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from ...library.backbone import Backbone, backbone
@@ -12,10 +15,13 @@ from ...library.respond import Keys, respond
 from ...library.response import Response
 from ...messages.errors import ConvergenceError
 from ...messages.words import counted
+from ...observe.log import RunLog
 from ...observe.stops import Stops, explaining_continuation
 from ...parallel.agree import on_root
+from ...points.branch import Point
 from ...restart.cache import cache_of
 from ...restart.folder import Restart
+from ...results.measures import AMPLITUDE, counts
 from ...scene.schema import Scene
 from ...system.walltime import time_limit
 from ..log import log_of
@@ -59,7 +65,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
                 structure,
                 request.mode,
                 farthest=request.farthest,
-                on_point=partial(on_root, comm, stops.point, 0, 0),
+                on_point=partial(on_root, comm, recorder(log, stops)),
                 checkpointer=checkpointer,
             )
         for note in result.notes:
@@ -83,6 +89,31 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     failed += [f"level {each.level:g}: {each.failure}" for each in forced if each.failure]
     if failed:
         raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")
+
+
+def recorder(log: RunLog, stops: Stops) -> Callable[[Point], None]:
+    """Return a function that writes a line for a point of a mode to the log, and stops if a signal has arrived.  Rank 0."""
+    numbers = count()
+
+    def record(point: Point) -> None:
+        _, omega, sigma = point.parameters
+        size, (_, n_slip, n_open) = AMPLITUDE.of(point.response[0]), counts(point.state)
+        if (i := next(numbers)) == 0:
+            log.note(
+                f"{'point':>7} {'frequency_Hz':>12} {'amplitude_m':>12} {'damping_ratio':>13} {'slip':>5} {'open':>5} "
+                f"{'newton':>6} {'gmres':>5} {'seconds':>8}",
+                on_screen=not log.screen.interactive,
+                in_results=False,
+            )
+        log.note(
+            f"{i:>7} {omega / 2.0 / np.pi:>12.8g} {size:>12.5e} {-sigma / 2.0 / omega:>13.5e} {n_slip:>5} {n_open:>5} "
+            f"{point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}",
+            on_screen=not log.screen.interactive,
+            in_results=False,
+        )
+        stops.point(0, i, point)
+
+    return record
 
 
 def band(result: Backbone, scene: Scene) -> tuple[float, float] | None:
