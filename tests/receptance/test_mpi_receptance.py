@@ -281,6 +281,15 @@ def test_a_product_does_not_depend_on_the_addresses_of_its_operands(n_modes, N_H
     assert [len({product.tobytes() for product in products}) for products in results] == [1] * 10
 
 
+@pytest.mark.parametrize("full", [False, True])
+def test_a_mode_without_damping_has_no_response_at_its_resonance(full):
+    """The other harmonics have theirs, with damping that couples the other modes, too."""
+    C = np.array([0.1, 0.1, 0.0])
+    damping = Damping(np.diag(C) + 0.05 * np.diag([1.0, 0.0], 1) + 0.05 * np.diag([1.0, 0.0], -1) if full else C)
+    of_harmonics = DynamicFlexibility(np.array([1.0, 2.0, 3.0]), damping, np.array([1, 2]), 3.0).matrices
+    assert np.isnan(of_harmonics[0, 2, 2]) and np.isfinite(of_harmonics[1]).all()
+
+
 def test_modal_damping_is_full_damping_with_a_diagonal_matrix():
     modes, n = modes_of(1, 4), HARMONICS.numbers
     full = replace(modes, damping=Damping(np.diag(modes.damping.C)))

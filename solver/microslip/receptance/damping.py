@@ -202,7 +202,7 @@ class DynamicFlexibility(Flexibility):
             resistance = 1j * self.n_omega[:, None, None] * damping.C
             if damping.S is not None:
                 resistance = resistance + 1j * (n > 0)[:, None, None] * damping.S
-            self.inverse = np.linalg.inv(stiffness + resistance)
+            self.inverse = _inverses(stiffness + resistance)
             super().__init__(self.inverse - np.diag(1.0 / self.squares))
         else:
             w2, resistance = self.squares[:, None], 1j * damping.C[:, None] * self.n_omega
@@ -264,6 +264,16 @@ def _other_coefficients(N_H: int) -> np.ndarray:
 def _full(c: np.ndarray) -> np.ndarray:
     """Return diagonals (m, n_harmonics) as matrices (n_harmonics, m, m)."""
     return c.T[:, :, None] * np.eye(len(c))
+
+
+def _inverses(D: np.ndarray) -> np.ndarray:
+    """Return the inverses of matrices (n, m, m); of one that is singular, at a resonance without damping, no numbers."""
+    try:
+        return np.linalg.inv(D)
+    except np.linalg.LinAlgError:
+        if len(D) > 1:
+            return np.concatenate([_inverses(each[None]) for each in D])
+        return np.full(D.shape, np.nan, dtype=complex)
 
 
 class StepMatrix:
