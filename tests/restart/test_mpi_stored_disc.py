@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from mpi4py import MPI
 from scene_text import joint, table
 
 from microslip.library.build import build
+from microslip.modes.eigen import lowest_modes
 from microslip.parallel.agree import on_root
 from microslip.reduction import mistuning
 from microslip.restart.folder import Restart
@@ -68,6 +70,32 @@ def test_a_run_with_another_friction_uses_all_cached_nodal_diameters(shared_path
     at_without, without, _ = run(program, scene, shared_path / "third", *changed)
     np.testing.assert_allclose(at, at_without, rtol=1e-8)
     np.testing.assert_allclose(cached, without, atol=1e-6 * np.abs(without).max())
+
+
+def test_modes_computed_again_have_the_phases_of_the_lost_ones(shared_path, program, monkeypatch):
+    """The files of the modes are removed before fields are written; the eigensolver then returns other phases."""
+    monkeypatch.setenv("MICROSLIP_CACHE", "off")
+    end = END.replace("fields = false\n", "")
+    scene, folder = on_root(COMM, lambda: write_sector(shared_path, 5, end, friction=0.05)), shared_path / "run"
+    run(program, scene, folder)
+    (expected,) = [motion.u for motion in read_fields(str(folder / "results.h5")).peaks.values()]
+
+    def lose_modes():
+        for modes in (folder / "restart").glob("setup-*/*/modes-*"):
+            modes.unlink()
+        (folder / "results.h5").unlink()
+
+    on_root(COMM, lose_modes)
+
+    def of_other_phases(linearised, n):
+        modes = lowest_modes(linearised, n)
+        phases = np.exp(1j * np.arange(n)) if np.iscomplexobj(modes.phi_owned) else (-1.0) ** np.arange(n)
+        return replace(modes, phi_owned=modes.phi_owned * phases)
+
+    monkeypatch.setattr("microslip.restart.stored_structure.lowest_modes", of_other_phases)
+    run(program, scene, folder)
+    (moved,) = [motion.u for motion in read_fields(str(folder / "results.h5")).peaks.values()]
+    np.testing.assert_allclose(moved, expected, atol=1e-8 * np.abs(expected).max())
 
 
 @pytest.mark.study

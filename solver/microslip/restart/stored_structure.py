@@ -14,6 +14,7 @@ import shutil
 import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,9 +31,10 @@ from ..modes.eigen import Modes, lowest_modes
 from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
+from ..receptance.modes import ProjectedModes
 from ..reduction.enriched_model import COUPLED, SAMPLED
 from ..reduction.reduction import Basis
-from ..reduction.stuck import Factored, ModesOf, OnDemand
+from ..reduction.stuck import Factored, ModesOf, OnDemand, project_modes
 from ..scene.schema import Scene
 from ..system.files import make_folder
 from .columns_file import ColumnsFile
@@ -40,6 +42,7 @@ from .records import Arrays, Disk, read_record, write_record
 from .structure_arrays import structure_of, to_arrays
 
 _SAME = 1e-6  # relative difference of frequencies up to which modes computed again are the same
+_SAME_SHAPE = 1e-5  # the same of their motions at pairs, outputs and loads, over the largest
 Large = Callable[[ModesOf], Factored]  # computes the large parts of a structure whose modes are read; collective
 
 
@@ -77,25 +80,27 @@ class StoredStructure:
 
         def assemble() -> Factored:
             places = [folder / texts["modes"] for folder in (copies, self.path) if folder is not None]
-            modes_of = partial(self._modes, places, structure.projected.omega_n, structure.n_proved)
+            modes_of = partial(self._modes, places, structure.projected, structure.n_proved)
             return rebuilt(scene, self.comm, log, self.factor, modes_of) if large is None else large(modes_of)
 
         structure = structure_of(arrays, texts, scene, self.comm, OnDemand(assemble))
         return structure
 
-    def _modes(self, places: Sequence[Path], omega_n: np.ndarray, n_proved: int, linearised: Linearised) -> Modes:
+    def _modes(self, places: Sequence[Path], stored: ProjectedModes, n_proved: int, linearised: Linearised) -> Modes:
         """Return the modes of the first file that has them, or compute them again if all are missing or damaged.  Collective.
 
         Raises
         ------
-        CaseError : it is missing or damaged and they are not the lowest; on every rank
+        CaseError : they are missing or damaged, and those computed again are not of these ``stored`` projections; on every rank
         """
+        omega_n = stored.omega_n
         record = on_root(self.comm, _first_modes, places, share=False)
         if not self.comm.bcast(record is not None):
             modes = lowest_modes(linearised, len(omega_n))
-            if not np.allclose(modes.omega_n, omega_n, rtol=_SAME):
+            same = np.allclose(modes.omega_n, omega_n, rtol=_SAME)
+            if not same or (phi_owned := _combined(modes, stored, linearised)) is None:
                 raise CaseError(f"{places[-1]}: missing or damaged; --fresh computes the modes again")
-            return modes
+            return replace(modes, phi_owned=phi_owned)
         proof = {"complete": False, "proved": n_proved}
         if not linearised.maps.is_complex:
             return Modes(omega_n, from_user_order(linearised, record), proof)
@@ -153,6 +158,21 @@ def read_modes(path: Path) -> np.ndarray | None:
         record = read_record(path)
         return None if record is None else record[0]["phi"]
     return None
+
+
+def _combined(modes: Modes, stored: ProjectedModes, linearised: Linearised) -> np.ndarray | None:
+    """Return the modes with the phases, and of multiple modes the combination, of their stored projections; None without.
+
+    Collective: one sum.
+    """
+    again = project_modes(linearised.maps, modes.omega_n, modes.phi_owned)
+    wanted, present = (np.vstack([each.R_phi, each.o, each.b.conj().T]) for each in (stored, again))
+    Q, omega_n = np.zeros((len(stored.omega_n),) * 2, dtype=present.dtype), stored.omega_n
+    for multiple in np.split(np.arange(len(omega_n)), np.flatnonzero(np.diff(omega_n) > _SAME * omega_n[1:]) + 1):
+        u, _, v = np.linalg.svd(present[:, multiple].conj().T @ wanted[:, multiple])
+        Q[np.ix_(multiple, multiple)] = u @ v
+    is_close = np.allclose(present @ Q, wanted, rtol=0.0, atol=_SAME_SHAPE * np.abs(wanted).max(initial=0.0))
+    return modes.phi_owned @ Q if is_close else None
 
 
 def _first_modes(places: Sequence[Path]) -> np.ndarray | None:
