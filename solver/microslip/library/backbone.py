@@ -23,6 +23,7 @@ from ..points.branch import Branch, Point
 from ..points.sweep import Sweep
 from ..receptance.motions import modal_motion
 from ..receptance.reduced_model import ReducedModel
+from .arguments import number_above, refuse_no_structure, whole_number
 from .build import Structure
 from .mode_at_rest import FARTHEST, Begin, first_slip, moved_by, pairs_without_springs
 from .prepare import Prepared
@@ -174,7 +175,12 @@ class Backbone:
         """Return the forced response at a level, synthesised from the mode.  Local.
 
         Each amplitude is met at two frequencies, on both sides of the phase resonance, at which the amplitude is largest.
+
+        Raises
+        ------
+        CaseError : the level is not a number above 0
         """
+        level = number_above(level, 0.0, "forced: level")
         q, omega, sigma, per_level, shape = self._dense()
         zeta, force = -sigma / (2.0 * omega), level * per_level
         with np.errstate(invalid="ignore"):
@@ -274,6 +280,9 @@ def backbone(
     CaseError : no such mode, nothing that vibrates, no joint or no friction, a constant load; on every rank
     ConvergenceError, ResourceError : on every rank; ``failure`` has the reason of a branch that ends early
     """
+    refuse_no_structure(structure, "backbone")
+    mode = whole_number(mode, 1, "backbone: mode")
+    farthest = None if farthest is None else number_above(farthest, 1.0, "backbone: farthest")
     prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys, has_bars=False, has_curve=False)
     refuse_what_has_none(prepared, mode)
     prepared, n_released = pairs_without_springs(prepared)

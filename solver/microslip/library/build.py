@@ -205,6 +205,8 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None,
     ------
     CaseError, MeshError, ResourceError : on every rank
     """
+    if not isinstance(scene, Scene):
+        raise CaseError(f"build: expected a scene, as microslip.read(PATH) returns it, found {type(scene).__name__}")
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
     free_dropped(comm)

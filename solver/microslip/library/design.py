@@ -194,6 +194,8 @@ def _columns(values: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     CaseError : none, or values that are no numbers
     """
     columns = {}
+    if not isinstance(values, Mapping):
+        raise CaseError(f"sweep: values = {values!r}: expected a mapping of keys to lists, as {{'level': [5.0, 10.0]}}")
     for key, listed in values.items():
         try:
             columns[key] = np.atleast_1d(np.asarray(listed, dtype=float))

@@ -15,6 +15,7 @@ from scipy.stats import t as student
 from ..formats.measured import Measured, measured_of, read_measured
 from ..messages.errors import ConvergenceError
 from ..parallel.agree import on_root
+from .arguments import refuse_no_structure
 from .build import Structure
 from .fitted_numbers import fitted_numbers
 from .measured_model import MeasuredModel
@@ -86,7 +87,7 @@ def identify(
     CaseError : wrong data, an unknown number or bounds that do not hold the scene's value; on every rank
     ConvergenceError : no response with the values of the scene; on every rank
     """
-    structure.refuse_closed()
+    refuse_no_structure(structure, "identify")
     scene = scene_with(structure.scene, {**keys, "sensitivities": True, "error_bars": False}, {})
     refuse_statics(scene, "identify")
     refuse_discs(scene, "identify", "is for structures that are modelled in full")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..points.branch import Point
 from ..results.record import COMPLETE, STOPPED, PeaksOver, level_result
 from ..scene.schema import Scene
 from ..scene.solution import Over
+from .arguments import number_above, refuse_no_structure
 from .build import Structure
 from .prepare import Prepared, prepare
 from .respond import Keys, scene_with, with_modes_for
@@ -147,9 +148,12 @@ def peaks(
     ------
     CaseError, ConvergenceError, ResourceError : as :func:`respond`; also where the output has no peak; on every rank
     """
-    structure.refuse_closed()
-    if not isinstance(over, Mapping) or not all(np.shape(ends) == (2,) for ends in over.values()):
+    refuse_no_structure(structure, "peaks")
+    level = None if level is None else number_above(level, 0.0, "peaks: level")
+    if not isinstance(over, Mapping) or not over or not all(_are_numbers(ends, (2,)) for ends in over.values()):
         raise CaseError(f'peaks: over = {over!r}: expected a mapping of keys to two ends, as {{"level": (0.1, 10.0)}}')
+    if not _are_numbers(values, np.shape(values)[:1]) or np.ndim(values) != 1:
+        raise CaseError(f"peaks: values = {values!r}: expected a list of numbers, points of each curve")
     tables = tuple(
         {"key": key, "range": tuple(map(float, ends)), "at": tuple(map(float, values))}
         | ({} if output is None else {"output": output})
@@ -160,3 +164,11 @@ def peaks(
     of_scene, _ = with_modes_for(structure, reduction_settings(scene), structure.pairs)
     prepared = prepare(of_scene, scene)
     return [curve for number in numbers_of(prepared) for curve in followed(prepared, number)]
+
+
+def _are_numbers(values: Any, shape: tuple[int, ...]) -> bool:
+    """Return whether an argument is an array of numbers of this shape."""
+    try:
+        return np.asarray(values, dtype=float).shape == shape
+    except (TypeError, ValueError):
+        return False

@@ -24,6 +24,7 @@ from ..scene.read import changed
 from ..scene.schema import Scene
 from ..tables.table import Table
 from ..tables.vibration import Damping
+from .arguments import refuse_no_structure, whole_number
 from .build import Structure, at_another_rest
 from .follow_response import follow
 from .prepare import Prepared, prepare
@@ -125,6 +126,7 @@ def respond(
     ConvergenceError : no rest with this friction and preload; on every rank
     ResourceError : not enough memory; on every rank
     """
+    n_groups = whole_number(n_groups, 1, "respond: n_groups")
     prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys)
     return Response(prepared, follow(prepared.response, observers, n_groups, divides=divides), notes)
 
@@ -137,7 +139,7 @@ def prepared_with(
     has_curve: bool = True,
 ) -> tuple[Prepared, tuple[str, ...]]:
     """Return a structure prepared with other keys, friction and preload, and notes.  Collective; :func:`respond`."""
-    structure.refuse_closed()
+    refuse_no_structure(structure, "respond")
     if "over" in keys:
         raise CaseError(
             "respond: over: a response has no peaks over a number; call microslip.peaks(structure, over={key: (a, b)})"
@@ -197,7 +199,7 @@ def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, Of
     for key, values in of_joints.items():
         for name, value in _by_joint(values, joints).items():
             if name in joints and np.ndim(value) == 0:
-                joints[name][key] = float(np.asarray(value))
+                joints[name][key] = float(_numbers(value, f"respond: {key} of joint {name!r}"))
     return changed(scene, tables, joints) if tables or any(joints.values()) else scene
 
 
@@ -216,7 +218,7 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
             if name not in by_joint:
                 raise CaseError(f"{where}: there is no such joint{hint(name, by_joint)}")
             of_joint = by_joint[name]
-            numbers = np.asarray(value, dtype=float)
+            numbers = _numbers(value, where)
             if numbers.shape not in ((), (len(of_joint),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
                 raise CaseError(
                     f"{where}: a number of at least 0 is expected, or one for each of its {counted(len(of_joint), 'pair')}"
@@ -236,6 +238,14 @@ def _check_law(key: str, pairs: ContactPairs, of_joint: np.ndarray, where: str) 
         raise CaseError(f'{where}: its law, "{law}", has none, or its stiffness follows from it; change the scene and rebuild')
     if key == "friction" and not np.isnan(pairs.law_columns.get("mu_y", np.full(pairs.n_pairs, np.nan))[of_joint]).all():
         raise CaseError(f"{where}: it has a coefficient for each direction; change them in the scene and build again")
+
+
+def _numbers(value: ArrayLike, where: str) -> np.ndarray:
+    """Return an array of numbers; CaseError if the values are none."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise CaseError(f"{where}: expected numbers, found {value!r}") from None
 
 
 def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, ArrayLike]:

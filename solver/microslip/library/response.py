@@ -152,7 +152,8 @@ class Response:
         for branch in self.results.levels:
             if branch.level == level:
                 return branch
-        raise CaseError(f"there is no level {level:g} N; there are {', '.join(f'{known:g}' for known in self.levels)}")
+        shown = f"{level:g} N" if isinstance(level, (int, float)) else repr(level)
+        raise CaseError(f"there is no level {shown}; there are {', '.join(f'{known:g}' for known in self.levels)}")
 
     def __getitem__(self, output: str) -> Curves:
         """Return the curves of an output.

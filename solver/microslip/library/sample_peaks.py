@@ -123,7 +123,7 @@ def number_of_output(scene: Scene, name: str | None) -> int:
     """
     names = [output.name for output in scene.outputs]
     if name is not None and name not in names:
-        raise CaseError(f"{scene.source}: sweep: there is no output {name!r}{hint(name, names)}; there are {listed(names)}")
+        raise CaseError(f"{scene.source}: sweep: there is no output {name!r}{hint(str(name), names)}; there are {listed(names)}")
     return 0 if name is None else names.index(name)
 
 

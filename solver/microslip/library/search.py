@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..messages.errors import CaseError
 from ..points.branch import Branch
 from ..points.multipliers import is_stable
 from ..scene.schema import Scene
+from .arguments import number_above, refuse_no_structure, whole_number
 from .build import Structure
 from .prepare import Prepared
 from .respond import prepared_with
@@ -115,7 +117,11 @@ def search(
     CaseError : a frequency outside the range, a disc of one sector, no joint, nothing that vibrates; on every rank
     ConvergenceError, ResourceError : no solution was found; on every rank
     """
-    level = max(structure.scene.response.levels) if level is None else float(level)
+    refuse_no_structure(structure, "search")
+    if isinstance(at, bool) or not isinstance(at, Real):
+        raise CaseError(f"search: at = {at!r}: expected a frequency in Hz")
+    starts, seed = whole_number(starts, 1, "search: starts"), whole_number(seed, 0, "search: seed")
+    level = max(structure.scene.response.levels) if level is None else number_above(level, 0.0, "search: level")
     refuse_what_has_one(structure.scene)
     has_stability = structure.scene.damping is None or not structure.scene.damping.structural
     has_bars = structure.scene.accuracy is not None
@@ -150,8 +156,7 @@ def refuse_outside(prepared: Prepared, at: float) -> None:
     try:
         frequency_sweep(replace(settings, at=(at,)), omega_n)
     except CaseError as problem:
-        text = str(problem).replace("[response] at", "--at")
-        raise CaseError(f"{prepared.scene.path}: search: {text}; choose one there, or widen [response] frequencies") from None
+        raise CaseError(f"{prepared.scene.path}: search: {str(problem).replace('[response] at', '--at')}") from None
 
 
 def _solution(solution: Solution, through: Branch | None) -> SolutionAt:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..messages.errors import CaseError
+from .arguments import refuse_no_structure
 from .build import Structure
 from .design import Design, grid
 from .peak_curves import FACTOR
@@ -177,7 +178,7 @@ def sweep(
     CaseError : an unknown key, a value that the scene does not allow, no peak of the scene itself; on every rank
     ConvergenceError, ResourceError : the scene itself, or memory; on every rank
     """
-    structure.refuse_closed()
+    refuse_no_structure(structure, "sweep")
     scene = structure.scene
     design = Design.paired(values) if paired else grid(values)
     varied = Varied.of(scene, design.keys, keep_modes)

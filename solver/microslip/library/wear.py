@@ -18,6 +18,7 @@ from ..scene.schema import Scene
 from ..scene.wear import ARCHARD, Wear
 from ..statics.equilibrium import Flexibility
 from ..statics.rest import with_gaps, worn_at_rest
+from .arguments import refuse_no_structure
 from .build import Structure, at_another_rest
 from .jumps import JumpControl, WornState, follow_wear
 from .prepare import Prepared, prepare
@@ -97,8 +98,8 @@ class WearingJoint:
     """
 
     def __init__(self, structure: Structure):
+        refuse_no_structure(structure, "wear")
         scene, wear = structure.scene, wear_of(structure.scene)
-        structure.refuse_closed()
         self.structure, self.wear, self.units = structure, wear, units_of(scene)
         self.per_energy = depth_per_energy(wear, structure.pairs)
         self.level = wear.level or max(scene.response.levels)

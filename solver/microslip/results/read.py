@@ -45,6 +45,8 @@ def read_results(path: str, motion: bool = True) -> ResultFile:
     CaseError : no such file, truncated or damaged, another kind of file, another version of the format, or a file that
         refers to other files
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise CaseError(f"read_results: expected the path of a result file, found {path!r}")
     with opened(path) as reader:
         return _read(path, reader, motion)
 

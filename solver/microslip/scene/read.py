@@ -1,5 +1,6 @@
 """Read a scene file: text, TOML, schema, consistency, existence of files."""
 
+import os
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -34,6 +35,8 @@ def read_scene(path: str | Path, settings: Sequence[str] = (), kind: type[Scene]
     ------
     CaseError : one message with the file, and for each mistake table, key, stated and expected value
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise CaseError(f"read: expected the path of a scene, found {path!r}")
     path = Path(path)
     text = _text(path)
     tables = _tables(path, text)
@@ -52,6 +55,8 @@ def scene_of(tables: Mapping[str, Any], path: str | Path = "scene.toml") -> Scen
     ------
     CaseError : as in :func:`read_scene`
     """
+    if not isinstance(tables, Mapping):
+        raise CaseError(f"scene_of: expected the tables of a scene by name, found {type(tables).__name__}")
     raw = _frozen(dict(tables))
     return _checked(Path(path), raw, as_toml(raw))
 

@@ -4,6 +4,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from ..messages.errors import CaseError
+
 
 def as_toml(tables: Mapping[str, Any]) -> str:
     """Return the TOML text of tables.  Local."""
@@ -35,4 +37,11 @@ def value_text(value: Any) -> str:
     """Return a value in TOML syntax.  Local."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(value_text, value))}]"
-    return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, float):
+        return repr(value)
+    try:
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    except TypeError:
+        raise CaseError(
+            f"{value!r} is no value of a scene; expected a number, a text, true or false, a list or a table"
+        ) from None
