@@ -98,7 +98,7 @@ def test_harmonics_and_frequencies_can_be_requested(program, shared_path):
 
 def test_options_that_contradict_the_scene_are_rejected_with_one_message(program):
     for arguments, message in (
-        (("--at", "3"), "/scene.toml: [response]: at holds 3 Hz, outside frequencies = [62.0704, 93.9014]"),
+        (("--at", "3"), "/scene.toml: [response]: at holds 3 Hz, outside frequencies = [62.0704, 93.9014]; choose one there"),
         (
             ("--harmonics", "5", "--samples", "10"),
             "/scene.toml: [solver]: samples = 10 do not resolve harmonics = 5; at least 11 are needed",

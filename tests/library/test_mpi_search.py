@@ -119,7 +119,7 @@ def test_solutions_of_a_whole_disc_include_the_wave_of_one_sector(shared_path):
 
 def test_a_frequency_outside_the_range_is_rejected(scene):
     structure = microslip.build(scene(), COMM)
-    with pytest.raises(CaseError, match=r"search: --at = 3 Hz lies outside .* choose one there"):
+    with pytest.raises(CaseError, match=r"search: --at = 3 Hz lies outside .* choose one there, or widen"):
         microslip.search(structure, 3.0)
     structure.close()
 

@@ -133,7 +133,11 @@ def frequency_sweep(settings: ResponseSettings, omega_n: np.ndarray) -> Sweep:
         )
     outside = [f for f in settings.at if not low <= f <= high]
     if outside:
-        raise CaseError(f"[response] at = {outside[0]:g} Hz lies outside {low:.6g} to {high:.6g} Hz")
+        stated = "frequencies" if settings.band.frequencies is not None else "span"
+        raise CaseError(
+            f"[response] at = {outside[0]:g} Hz lies outside {low:.6g} to {high:.6g} Hz; choose one there, or widen "
+            f"[response] {stated}"
+        )
     start, stop = (low, high) if settings.direction == "up" else (high, low)
     return Sweep(2 * np.pi * start, 2 * np.pi * stop, tuple(2 * np.pi * f for f in settings.at))
 

@@ -62,8 +62,12 @@ class Lock:
     def __init__(self, path: Path, handle: int):
         self._path, self._handle, self._ends = path, handle, threading.Event()
         _HELD.add(self)
-        os.ftruncate(handle, 0)
-        os.pwrite(handle, json.dumps(_self()).encode(), 0)
+        try:
+            os.ftruncate(handle, 0)
+            os.pwrite(handle, json.dumps(_self()).encode(), 0)
+        except OSError:  # a full disk
+            self.release()
+            raise
         try:
             with unsignalled():
                 threading.Thread(target=self._touch, name="lock", daemon=True).start()

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -166,8 +167,8 @@ def _orders(text: str) -> tuple[int, ...]:
 
 def _diameters(text: str) -> tuple[int, ...]:
     """Return whole numbers of at least 0, ascending."""
-    words = _words(text)
-    if not words or not all(word.isdecimal() for word in words):
+    words = [word.strip() for word in text.split(",")]
+    if not all(word.isdecimal() for word in words):
         raise argparse.ArgumentTypeError(f"{text!r} are not whole numbers of at least 0, separated by commas")
     return _ascending(text, [int(word) for word in words])
 
@@ -194,8 +195,11 @@ def _count(text: str) -> int:
 
 
 def _words(text: str) -> tuple[str, ...]:
-    """Return the words between commas."""
-    return tuple(word.strip() for word in text.split(",") if word.strip())
+    """Return the words between commas, at least one."""
+    words = tuple(word.strip() for word in text.split(",") if word.strip())
+    if not words:
+        raise argparse.ArgumentTypeError(f"{text!r} has no words; expected at least one, several separated by commas")
+    return words
 
 
 def _above_zero(text: str) -> float:
@@ -211,10 +215,10 @@ def _above_zero(text: str) -> float:
 
 def _above_one(text: str) -> float:
     """Return a number above 1."""
-    number = _above_zero(text)
-    if number <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 1")
-    return number
+    with suppress(ValueError):
+        if 1.0 < (number := float(text)) < float("inf"):
+            return number
+    raise argparse.ArgumentTypeError(f"{text!r} is not a number above 1")
 
 
 def _time(text: str) -> float:

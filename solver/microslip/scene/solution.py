@@ -50,7 +50,9 @@ class Over(Table):
             raise ValueError("range begins or ends at 0, where nothing moves or holds; state a number above 0")
         for value in self.at:
             if not low <= value <= high:
-                raise ValueError(f"at holds {value:g}, outside range = [{self.range[0]:g}, {self.range[1]:g}]")
+                raise ValueError(
+                    f"at holds {value:g}, outside range = [{self.range[0]:g}, {self.range[1]:g}]; choose one there, or widen it"
+                )
         return self
 
     @property
@@ -98,7 +100,9 @@ class Response(Table):
         low, high = self.frequencies
         for frequency in self.at:
             if not low <= frequency <= high:
-                raise ValueError(f"at holds {frequency:g} Hz, outside frequencies = [{low:g}, {high:g}]")
+                raise ValueError(
+                    f"at holds {frequency:g} Hz, outside frequencies = [{low:g}, {high:g}]; choose one there, or widen the range"
+                )
         return self
 
 

@@ -4,7 +4,7 @@ import math
 from typing import get_args
 
 from ...contact.keys import ELASTIC_COULOMB, ROUGH
-from ...messages.words import hint
+from ...messages.words import hint, listed
 from ...tables.joint import Joint, OfPoints
 from ..schema import Scene
 from ..wear import ARCHARD, ENERGY, Wear
@@ -115,13 +115,15 @@ def over(scene: Scene) -> list[str]:
     for i, over in enumerate(scene.response.over, 1):
         where = f"[[response.over]] {i}"
         if over.output is not None and over.output not in outputs:
-            mistakes.append(f"{where} output: there is no output {over.output!r}{hint(over.output, outputs)}")
+            mistakes.append(
+                f"{where} output: there is no output {over.output!r}{hint(over.output, outputs)}; there are {listed(outputs)}"
+            )
         if over.key == "level":
             continue
         known = ["level", "damping", "damping.ratio"]
         known += [f"joints.{name}.{key}" for name in sorted(names) for key in get_args(OfPoints)]
         if over.key not in known:
-            mistakes.append(f"{where} key: there is no number {over.key!r}{hint(over.key, known)}")
+            mistakes.append(f"{where} key: there is no number {over.key!r}{hint(over.key, known)}; there are {listed(known)}")
         elif over.key in ("damping", "damping.ratio"):
             mistakes += [f"{where} key: {problem}" for problem in _of_damping(scene, over.key)]
         elif scene.statics is not None:
@@ -156,7 +158,9 @@ def of_wear(scene: Scene) -> list[str]:
                 mistakes.append(f"[wear] {key}: there is no joint {name!r}{hint(name, names)}")
     mistakes += [mistake for joint in scene.joints for mistake in _worn_joint(scene, wear, joint)]
     if wear.output is not None and wear.output not in outputs:
-        mistakes.append(f"[wear] output: there is no output {wear.output!r}{hint(wear.output, outputs)}")
+        mistakes.append(
+            f"[wear] output: there is no output {wear.output!r}{hint(wear.output, outputs)}; there are {listed(outputs)}"
+        )
     low, high = scene.response.frequencies or (0.0, math.inf)
     if wear.frequency is not None and not low <= wear.frequency <= high:
         mistakes.append(f"[wear] frequency = {wear.frequency:g} Hz: outside [response] frequencies = [{low:g}, {high:g}]")

@@ -84,15 +84,22 @@ def _listed(text: str) -> tuple[str, np.ndarray]:
     key, _, values = (part.strip() for part in text.partition("="))
     try:
         if ":" not in values:
-            return key, np.array([float(word) for word in values.split(",")])
+            return key, np.array([_finite(word) for word in values.split(",")])
         first, last, count, *log = values.split(":")
-        n, ends = int(count), (float(first), float(last))
+        n, ends = int(count), (_finite(first), _finite(last))
         is_log = [word.strip() for word in log] == ["log"]
         if n < 1 or (log and not is_log) or (n == 1 and ends[0] != ends[1]) or (is_log and min(ends) <= 0.0):
             raise ValueError
         return key, np.geomspace(*ends, n) if is_log else np.linspace(*ends, n)
     except (ValueError, OverflowError):
-        raise CaseError(f"--set {text}: expected {_LISTS}, with numbers, above 0 where they are logarithmic") from None
+        raise CaseError(f"--set {text}: expected {_LISTS}, with finite numbers, above 0 where they are logarithmic") from None
+
+
+def _finite(text: str) -> float:
+    """Return a finite number; ValueError if it is none."""
+    if not np.isfinite(number := float(text)):
+        raise ValueError(f"{text} is not finite")
+    return number
 
 
 def _scattered(scene: Scene, request: Request) -> Design:
@@ -139,7 +146,9 @@ def read_table(path: str) -> Design:
     CaseError : there is no such file, no keys or no samples in it, or a cell is no finite number
     """
     expected = "expected a first line of keys, as joints.dovetail.friction,level, and a line of numbers for each sample"
-    if not Path(path).is_file():
+    if Path(path).is_dir():
+        raise CaseError(f"--table {path}: that is a folder and no file; {expected}")
+    if not Path(path).exists():
         raise CaseError(f"--table {path}: there is no such file; {expected}")
     with file_errors(path):
         refuse_devices(path)

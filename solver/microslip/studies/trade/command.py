@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from ...library.build import build
 from ...library.settings import by_method, reduction_settings, refuse_statics
+from ...mesh.read import read_mesh
 from ...messages.errors import CaseError, MicroslipError
 from ...messages.words import hint
 from ...modes.limits import most_modes
@@ -67,6 +68,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     """
     check_request(scene, request)
     with log_of(comm, folder / "trade.log", scene, options) as log:
+        on_root(comm, check_meshes, scene, request)
         study = measured(scene, comm, request, log)
         log.note(on_root(comm, write_trade, study, scene, str(folder)))
         log.note(f"results in {folder}")
@@ -97,11 +99,27 @@ def check_request(scene: Scene, request: Request) -> None:
             "leave whole out, with what makes sectors differ"
         )
     check_loads(scene)
+    if request.meshes and "mesh" not in request.parameters:
+        raise CaseError(
+            f"--meshes: of --vary {','.join(request.parameters)} no mesh varies; add mesh to --vary, or leave --meshes out"
+        )
+    if "mesh" in request.parameters and not request.meshes and request.parameters != PARAMETERS:
+        raise CaseError("--vary mesh: there is no other mesh; state --meshes A.msh,B.msh, or leave mesh out of --vary")
     if request.meshes and scene.model.mesh is None:
         raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")
     for mesh in request.meshes:
         if not Path(mesh).is_file():
-            raise CaseError(f"--meshes: there is no file {mesh}")
+            fault = "that is a folder" if Path(mesh).is_dir() else "there is no such file"
+            raise CaseError(f"--meshes {mesh}: {fault}; expected mesh files of the same scene, with the same groups")
+
+
+def check_meshes(scene: Scene, request: Request) -> None:
+    """Refuse meshes that the scene cannot have, before any of them costs time.  Local, on rank 0.  Raises CaseError."""
+    for mesh in request.meshes if "mesh" in request.parameters else ():
+        try:
+            read_mesh(changed(scene, {"model": {"mesh": str(Path(mesh).absolute())}}))
+        except MicroslipError as problem:
+            raise CaseError(f"--meshes: {problem}\n  expected mesh files of the same scene, with the same groups") from None
 
 
 def check_loads(scene: Scene) -> None:

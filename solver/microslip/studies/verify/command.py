@@ -135,7 +135,8 @@ def ready(structure: Structure, at: tuple[float, ...]) -> ResponseProblem:
     try:
         return prepare(structure, has_bars=structure.scene.accuracy is not None).response
     except CaseError as problem:
-        raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
+        text = str(problem).replace("[response] at", "--at") if at else str(problem)
+        raise CaseError(f"{structure.scene.path}: verify: {text}") from None
 
 
 @dataclass(frozen=True, eq=False)
