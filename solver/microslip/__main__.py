@@ -14,7 +14,7 @@ if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
     open_streams()
     stop_at_once()
 
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
@@ -249,10 +249,14 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
 
 def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     """Perform a study of a scene, into a folder.  Collective on ``comm``."""
+    from .observe.stops import explaining_new_start
+
     module = import_module(f".studies.{command.name}.command", __package__)
     names = {field.name for field in fields(module.Request)}
     request = module.Request(**{name: value for name, value in command.options.items() if name in names})
-    module.study(scene, comm, out, request, command.petsc)
+    continues = command.name in ("backbone", "sweep", "wear")  # which name their checkpoints themselves
+    with nullcontext() if continues else explaining_new_start(command.name):
+        module.study(scene, comm, out, request, command.petsc)
 
 
 if __name__ == "__main__":

@@ -132,3 +132,13 @@ def test_a_folder_in_use_is_rejected_on_all_ranks(program, scene, comm, shared_p
 def test_an_invalid_time_limit_is_rejected(program, scene, text):
     status, _, err = program("run", scene, f"--walltime={text}")
     assert status == 2 and f"argument --walltime: '{text}' is not a time above 0" in err
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("arguments", ["verify {} --levels 1", "compare {} --methods full"])
+def test_a_command_without_checkpoints_says_that_it_starts_from_the_beginning(program, scene, shared_path, at_point_3, arguments):
+    at_point_3(lambda: os.kill(os.getpid(), signal.SIGTERM))
+    status, _, err = program(*arguments.format(scene).split(), "--out", shared_path / "out")
+    name = arguments.split()[0]
+    assert status == 5 and err.count("microslip: error: stopped by SIGTERM") == err.count("microslip: error: ") == 1
+    assert err.endswith(f"; {name} stores no intermediate results, and the same command starts from the beginning\n")

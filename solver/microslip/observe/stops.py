@@ -92,7 +92,20 @@ class Stops:
 @contextmanager
 def explaining_continuation(folder: Path) -> Iterator[None]:
     """Add to the message of an interruption the folder of the results and how to continue.  Local."""
-    words = f"; what was computed until then is in {folder}, and the same command continues from there"
+    with _ending_with(f"; what was computed until then is in {folder}, and the same command continues from there"):
+        yield
+
+
+@contextmanager
+def explaining_new_start(command: str) -> Iterator[None]:
+    """Add to the message of an interruption that a command without checkpoints starts from the beginning.  Local."""
+    with _ending_with(f"; {command} stores no intermediate results, and the same command starts from the beginning"):
+        yield
+
+
+@contextmanager
+def _ending_with(words: str) -> Iterator[None]:
+    """Add words to the message of an interruption.  Local."""
     with parting_with(words):
         try:
             yield

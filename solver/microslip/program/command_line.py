@@ -21,8 +21,8 @@ _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
 PETSc options follow --, each with the prefix of its solver: {", ".join("-" + prefix for prefix in PREFIXES)}
 Exit status: 0 done; 1 diff found a difference; 2 error in the scene, the mesh or an option; 3 the computation did not
-finish, converged points are saved; 4 memory or disk; 5 stopped by a signal or before the time limit, all points are saved
-and the same command continues from there; 70 a defect of the program.
+finish, converged points are saved; 4 memory or disk; 5 stopped by a signal or before the time limit: run, backbone,
+sweep and wear have saved all points, and the same command continues from there; 70 a defect of the program.
 SIGUSR1 saves and continues; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 prints the stack of each rank."""
 
 
