@@ -2,11 +2,13 @@
 
 import csv
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from discs import write_sector
 from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
@@ -430,3 +432,38 @@ def test_a_peak_in_gross_slip_begins_with_the_mean_slip_held(comm, shared_path, 
         (of_free,), (of_held,) = free.curve.branch.points, held.curve.branch.points
         assert (of_free.notes, of_held.notes) == ((), (HELD,))
         assert of_held.omega == pytest.approx(of_free.omega, rel=1e-3)
+
+
+SECTOR = """[damping]
+ratio = 0.01
+[response]
+levels = [5.0]
+frequencies = [1600.0, 1800.0]
+points = 4
+[solver]
+modes = 12
+harmonics = 1
+error_bars = false
+samples = 64
+"""
+
+
+@pytest.mark.ranks(1)
+def test_peaks_of_a_whole_disc_are_those_of_its_sector_in_every_sector(comm, shared_path):
+    """Of the outputs of all sectors, which have names with the number of the sector."""
+
+    def peak(output, **wave):
+        write = partial(write_sector, shared_path, 3, SECTOR, friction=0.05, name="disc", wave={"engine_order": 1, **wave})
+        with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+            with pytest.raises(CaseError, match="there is no output 'tip 3'; nearest is \"tip"):
+                microslip.peaks(structure, {"level": (5.0, 10.0)}, output="tip 3")
+            return microslip.peaks(structure, {"level": (5.0, 10.0)}, output=output)[0]
+
+    one, first, last = peak("tip"), peak("tip", whole=True), peak("tip 2", whole=True)
+    assert (first.linear.output, last.linear.output) == (0, 2) and not one.points.failure
+    for whole in (first, last):
+        assert whole.points.response.shape[1] == 3 and not whole.points.failure
+        for end in (0, -1):
+            assert whole.value[end] == pytest.approx(one.value[end], rel=1e-9)
+            assert whole.amplitude[end] == pytest.approx(one.amplitude[end], rel=1e-5)
+            assert whole.points.frequency[end] == pytest.approx(one.points.frequency[end], rel=1e-6)

@@ -28,7 +28,7 @@ from .build import Structure
 from .mode_at_rest import FARTHEST, Begin, first_slip, moved_by, pairs_without_springs
 from .prepare import Prepared
 from .respond import prepared_with
-from .settings import refuse_statics, units_of
+from .settings import output_names, refuse_statics, units_of
 
 if TYPE_CHECKING:
     from .respond import OfJoints
@@ -554,7 +554,7 @@ def _linear(prepared: Prepared, problem: NonlinearMode, mode: int, begin: Begin)
     units = units_of(prepared.scene)
     return Backbone(
         mode=mode,
-        outputs=tuple(output.name for output in prepared.scene.outputs),
+        outputs=output_names(prepared.scene),
         units=units.outputs,
         level_unit=units.level,
         linear_frequency=problem.omega / (2.0 * np.pi),

@@ -35,7 +35,7 @@ from .peak_curves import followed, numbers_of, refuse_without_peaks
 from .prepare import Prepared, prepare
 from .result_files import extent_of, head_of, writer_of
 from .sensitivities import varied_numbers
-from .settings import units_of
+from .settings import output_names, units_of
 from .side_by_side import groups_that_pay
 
 
@@ -73,7 +73,7 @@ def follow_peaks_logged(
     numbers = numbers_of(prepared)
     if not numbers:
         return []
-    names = [output.name for output in prepared.scene.outputs]
+    names = output_names(prepared.scene)
     saved = "the next run continues from this point"  # which its checkpointer has saved before
     stops = Stops(log, lambda: None, options.limit, saved)
     for k, number in enumerate(numbers):
@@ -100,7 +100,7 @@ def follow_logged(
         response.model.comm.size if options.divides else groups_that_pay(response, prepared.structure.n_dof)
     )
     writer = writer_of(prepared, folder, options.petsc, replace(origin, n_groups=n_groups))
-    names = tuple(output.name for output in prepared.scene.outputs)
+    names = output_names(prepared.scene)
     levels = LevelLog(log, response.sweep, len(response.settings.levels), shown, names)
     stops = Stops(log, writer.save, options.limit)
     try:

@@ -23,7 +23,7 @@ from .build import Structure
 from .prepare import Prepared, prepare
 from .respond import Keys, scene_with, with_modes_for
 from .sensitivities import FACTOR, LAW_NAMES, column_of, unit_of_pairs
-from .settings import reduction_settings, units_of
+from .settings import output_names, reduction_settings, units_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ def numbers_of(prepared: Prepared) -> list[OverNumber]:
 
 
 def _number(scene: Scene, pairs: ContactPairs, over: Over) -> OverNumber:
-    names = [output.name for output in scene.outputs]
-    output = 0 if over.output is None else names.index(over.output)
+    names, of_sector_0 = output_names(scene), [output.name for output in scene.outputs]  # which come first
+    output = 0 if over.output is None else (names if over.output in names else of_sector_0).index(over.output)
     level = over.level or max(scene.response.levels)
     of_joint = over.of_joint
     if over.key == "level":
@@ -105,7 +105,7 @@ def followed(
     CaseError : no peak in the range of frequencies, or values that the law does not have; on every rank
     """
     model = prepared.model
-    sizes = len(prepared.scene.outputs), model.n_pairs, model.recorded.n_coefficients
+    sizes = len(output_names(prepared.scene)), model.n_pairs, model.recorded.n_coefficients
     curves = peak_curves(prepared.response, number.request, on_point, checkpointer_of)
     return on_root(model.comm, lambda: [_record(number, curve, sizes) for curve in curves])
 

@@ -112,9 +112,11 @@ def over(scene: Scene) -> list[str]:
     """Return mistakes: a key that the scene does not have, or that the state of rest depends on."""
     mistakes, names = [], {joint.name for joint in scene.joints}
     outputs = [output.name for output in scene.outputs]
+    n_sectors = scene.cyclic.sectors if scene.cyclic is not None and scene.cyclic.whole else 0
+    of_sectors = [f"{name} {sector}" for name in outputs for sector in range(n_sectors)]
     for i, over in enumerate(scene.response.over, 1):
         where = f"[[response.over]] {i}"
-        if over.output is not None and over.output not in outputs:
+        if over.output is not None and over.output not in (*outputs, *of_sectors):
             mistakes.append(
                 f"{where} output: there is no output {over.output!r}{hint(over.output, outputs)}; there are {listed(outputs)}"
             )
