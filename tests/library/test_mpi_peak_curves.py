@@ -24,6 +24,7 @@ from microslip.library.prepare import prepare
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
+from microslip.run import run
 from microslip.scene.read import changed
 
 LEVELS, C = (0.02, 5.0), 0.02
@@ -467,3 +468,12 @@ def test_peaks_of_a_whole_disc_are_those_of_its_sector_in_every_sector(comm, sha
             assert whole.value[end] == pytest.approx(one.value[end], rel=1e-9)
             assert whole.amplitude[end] == pytest.approx(one.amplitude[end], rel=1e-5)
             assert whole.points.frequency[end] == pytest.approx(one.points.frequency[end], rel=1e-6)
+
+
+@pytest.mark.ranks(1)
+def test_a_run_of_a_whole_disc_logs_peaks_of_the_outputs_of_all_sectors(comm, shared_path):
+    text = SECTOR.replace("points = 4", "points = 4\npeaks = true\nfields = false")
+    path = write_sector(shared_path, 3, text, friction=0.05, name="disc", wave={"engine_order": 1, "whole": True})
+    run(microslip.read(path), comm, shared_path / "out")
+    log = (shared_path / "out" / "run.log").read_text()
+    assert all(log.count(f"  peak of tip {sector}: ") == 1 for sector in range(3))
