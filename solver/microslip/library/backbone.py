@@ -380,7 +380,9 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
     if len(others) > 1:
         whole = scene.cyclic is not None and scene.cyclic.whole
         cure = (
-            "leave [cyclic] whole out, for the wave of a nodal diameter" if whole else "let a mass or a stiffness make them differ"
+            "leave [cyclic] whole out, for the wave of a nodal diameter"
+            if whole
+            else "let a mass or a stiffness make them differ"
         )
         raise CaseError(
             f"{where}: modes {', '.join(map(str, others))} have the same frequency, {omega_n[mode - 1] / (2.0 * np.pi):.6g} Hz: "
