@@ -338,6 +338,25 @@ def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
 
 
 @pytest.mark.ranks(1)
+def test_a_peak_over_friction_ends_without_friction():
+    """The law has no values below: steps beyond the end keep that of 0.  One mass: |X| = F / (2 zeta (1 - zeta^2)^(1/2) k)."""
+    stuck = peaks(damper(), 1.0, 1, 128)[1][0]
+    equation, friction = forced(*reduced(damper(), COMM, 1), 128, 1.0).equation, LawParameter("mu", np.arange(1), np.ones(1))
+    down = follow_peak(equation, PeakPath(friction, Sweep(2.0, 0.0), stuck, level=123.024), 1e-10)
+    assert down.failure is None
+    last, zeta = down.points[-1], 7700.0 / (2.0 * np.sqrt(944.6 * 2.4e7))
+    assert last.parameters[0] == 0.0
+    assert amplitude(last) == pytest.approx(123.024 / (2.0 * zeta * np.sqrt(1.0 - zeta**2) * 2.4e7), rel=1e-6)
+    assert last.omega == pytest.approx(np.sqrt(2.4e7 / 944.6 * (1.0 - 2.0 * zeta**2)), rel=1e-6)
+    begins = iterate_of(last, forced(*reduced(damper(), COMM, 1), 128, 123.024), Harmonics.up_to(1))
+    begins = replace(begins, parameters=last.parameters)
+    up = follow_peak(equation, PeakPath(friction, Sweep(0.0, 2.0), stuck, level=123.024, begins=begins), 1e-10)
+    assert up.failure is None and up.points[0].parameters[0] == 0.0
+    assert amplitude(up.points[0]) == pytest.approx(amplitude(last), rel=1e-6)
+    assert amplitude(up.points[-1]) == pytest.approx(amplitude(down.points[0]), rel=10.0 / 128**2)
+
+
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize(
     "size, slope",
     [

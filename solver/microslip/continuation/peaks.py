@@ -90,14 +90,28 @@ class PeakOver(ProblemBase):
         """The parameter of the contact law that varies, if it is one."""
         return (self.varies,) if isinstance(self.varies, LawParameter) else ()
 
+    def allows(self, parameters: tuple[float, ...]) -> bool:
+        """Return whether the frequency is above zero, and the value, too, or that the law has its value.
+
+        Collective where the law varies.
+        """
+        if not self.law_parameters:
+            return min(parameters) > 0.0
+        return parameters[1] > 0.0 and self.equation.allows(self.at(parameters))
+
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
-        """Return the operating point for the value that varies and the frequency [rad/s].  Local."""
+        """Return the operating point for the value that varies and the frequency [rad/s].  Local.
+
+        Below 0, where a step beyond the end of a range may lead, a parameter of the law is 0.
+        """
         value, omega = parameters
+        value = max(value, 0.0) if self.law_parameters else value
         return with_value(self.varies, value, OperatingPoint(omega, self.level, damping=self.damping))
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         """Return the rates of the operating point with the value that varies and the frequency.  Local."""
-        return {self.varies: 1.0}, {"omega": 1.0}
+        is_constant = self.law_parameters and parameters[0] < 0.0
+        return {self.varies: 0.0 if is_constant else 1.0}, {"omega": 1.0}
 
     def without_solution(self, parameter: float, why: str) -> str:
         """Return the message for lack of a first peak, and ``why`` Newton's method did not converge.  Local."""
