@@ -10,6 +10,7 @@ from discs import write_ring, write_ring_of_blades, write_sector
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
+from microslip.library.backbone import backbone
 from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
@@ -89,6 +90,30 @@ def test_a_disc_of_equal_sectors_has_the_response_of_one_sector(shared_path, N, 
 
 
 DIFFER = [0.7, 1.1, 0.9, 1.25, 1.0, 0.85]
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("d", (0, 3))
+def test_a_simple_nonlinear_mode_of_equal_sectors_is_that_of_one_sector(shared_path, d):
+    """All sectors move alike, or neighbours in opposite directions; modes of the other nodal diameters occur in pairs, and are rejected."""
+    wave, of = {"engine_order": d or 6}, end(N_DOF, 20.0, 1436.0)
+    of_sector = built(write_sector, shared_path, 6, of, name="one", wave=wave, friction=0.05)
+    whole = built(write_sector, shared_path, 6, of, name="whole", wave=wave | {"whole": True}, friction=0.05)
+    number = int(np.argmin(np.abs(whole.omega_n - of_sector.omega_n[0])))
+    options = {"farthest": 1.3, "quasi_static": False, "error_bars": False}
+    one, every = backbone(of_sector, **options), backbone(whole, mode=number + 1, **options)
+    assert one.failure is None and every.failure is None
+    last, last_of_whole = one.points[-1], every.points[-1]
+    assert last.amplitude / one.first_slip == pytest.approx(1.3, rel=1e-9)
+    assert last_of_whole.amplitude / every.first_slip == pytest.approx(1.3, rel=1e-9)
+    assert np.count_nonzero(last_of_whole.state == 1) == 6 * np.count_nonzero(last.state == 1) > 0
+    assert last_of_whole.omega == pytest.approx(last.omega, rel=1e-9)
+    assert last_of_whole.sigma == pytest.approx(last.sigma, rel=1e-8)
+    pair = int(np.argmin(np.diff(whole.omega_n[:6])))
+    with pytest.raises(CaseError, match=f"modes {pair + 1}, {pair + 2} have the same frequency"):
+        backbone(whole, mode=pair + 1, **options)
+    of_sector.close()
+    whole.close()
 
 
 def of_sectors(ring, whole):
