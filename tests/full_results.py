@@ -46,6 +46,11 @@ def write_full_results(folder, **options) -> str:
         folder, [branch(level, pairs, n_outputs=2) for level in LEVELS], pairs, outputs=("tip", "<img src=x>"), **options
     )
     store_fields(
-        path, fields(), RunRecord((StageRecord("modes & more", 1.5, 200.0),), ("date 2026-11-22", "a note </pre><script>"))
+        path,
+        fields(),
+        RunRecord(
+            (StageRecord("modes & more", 1.5, 200.0), StageRecord("a part", 1.0, 190.0, 1)),
+            ("date 2026-11-22", "a note </pre><script>"),
+        ),
     )
     return path

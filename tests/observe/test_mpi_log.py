@@ -82,7 +82,27 @@ def test_stages_take_the_time_of_the_slowest_rank_and_the_memory_of_all(path, mo
     assert outer.memory >= outer.memory_largest > 20.0
     assert outer.memory == pytest.approx(COMM.size * outer.memory_largest, rel=0.5)
     table = [line for line in lines(path) if line.startswith(("outer", "  inner", "total"))][-3:]
-    assert [line.split()[0] for line in table] == ["inner", "outer", "total"] and "100.0%" in table[1]
+    assert [line.split()[0] for line in table] == ["outer", "inner", "total"] and "100.0%" in table[0]
+
+
+def test_stages_precede_their_parts_and_parts_of_the_same_name_are_one(path, monkeypatch):
+    clock = {"now": 0.0}
+    monkeypatch.setattr("microslip.observe.log.time.perf_counter", lambda: clock["now"])
+    with RunLog(COMM, path, False, screen=False) as log:
+        for outer in ("first", "second", "second"):
+            with log.stage(outer):
+                for inner in ("factor", "modes", "factor"):
+                    with log.stage(inner):
+                        clock["now"] += 1.0
+        with log.stage("unfinished"):
+            with log.stage("factor"):
+                clock["now"] += 1.0
+            inside = log.summary()
+    parts = [("factor, 2 times", 1, 2.0), ("modes", 1, 1.0)]
+    expected = [("first", 0, 3.0), *parts, ("second", 0, 3.0), *parts, ("second", 0, 3.0), *parts]
+    assert [(stage.name, stage.depth, stage.seconds) for stage in inside] == [*expected, ("factor", 1, 1.0)]
+    end = [("unfinished", 0, 1.0), ("factor", 1, 1.0), ("total", 0, 10.0)]
+    assert [(stage.name, stage.depth, stage.seconds) for stage in log.summary()] == [*expected, *end]
 
 
 def test_a_stage_without_notes_is_one_line(path):

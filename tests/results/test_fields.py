@@ -7,7 +7,7 @@ from full_results import MESH, fields, write_full_results
 from synthetic_results import branch, two_flanks, write
 
 from microslip.messages.errors import CaseError
-from microslip.results.fields import read_fields, read_run, store_fields
+from microslip.results.fields import StageRecord, read_fields, read_run, store_fields
 from microslip.results.read import read_results
 
 
@@ -23,7 +23,8 @@ def test_fields_are_read_as_stored(tmp_path):
     np.testing.assert_allclose(computed.peaks[1].u, wanted.peaks[1].u, rtol=1e-6)
     assert computed.output_node == wanted.output_node and np.array_equal(computed.output_direction, wanted.output_direction)
     run = read_run(path)
-    assert run.stages[0].name == "modes & more" and run.stages[0].seconds == 1.5 and run.notes[1] == "a note </pre><script>"
+    assert run.stages == (StageRecord("modes & more", 1.5, 200.0), StageRecord("a part", 1.0, 190.0, 1))
+    assert run.notes[1] == "a note </pre><script>"
     assert [len(level.frequency) for level in read_results(path).levels] == [60, 60]
 
 

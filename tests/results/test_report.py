@@ -120,6 +120,12 @@ def test_numbers_are_those_of_the_results(whole):
     assert ratio[level.energy[at] > 0.0] == pytest.approx(ratio.max(), rel=1e-3)
 
 
+def test_times_of_parts_are_within_those_of_their_stage(whole):
+    text = tables.times_table(read_results(whole[0]), read_run(whole[0]))
+    assert "<td>&ensp;&ensp;a part</td><td>1 s</td><td>67 %</td>" in text
+    assert "<td>until the results were written</td><td>1.5 s</td>" in text
+
+
 def test_motion_on_the_page_is_that_of_the_fields(whole):
     import base64
 

@@ -59,7 +59,8 @@ def _write_sensitivities(prepared: Prepared, folder: Path) -> None:
 
 def record_of(log: RunLog) -> RunRecord:
     """Return the entries of a log so far.  Local."""
-    return RunRecord(tuple(StageRecord(stage.name, stage.seconds, stage.memory) for stage in log.stages), tuple(log.notes))
+    stages = (StageRecord(stage.name, stage.seconds, stage.memory, stage.depth) for stage in log.summary())
+    return RunRecord(tuple(stages), tuple(log.notes))
 
 
 def follow_peaks_logged(

@@ -13,7 +13,7 @@ import shlex
 import socket
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO
@@ -195,15 +195,38 @@ class RunLog:
             self._file.close()
             self._file = None
 
+    def summary(self) -> list[Stage]:
+        """Return the finished stages, each before its parts, of which those of the same name are one.  Local."""
+        return _summary(self.stages)
+
     def table(self, seconds: float) -> str:
         """Return the stages as a table; shares are of ``seconds``.  Local."""
         rows = [f"{'stage':<40}{'seconds':>10}{'share':>7}{'peak memory, MiB: all ranks':>29}{'largest':>9}"]
-        for stage in self.stages:
+        for stage in self.summary():
             rows.append(
                 f"{'  ' * stage.depth + stage.name:<40}{stage.seconds:>10.3f}{stage.seconds / max(seconds, 1e-9):>7.1%}"
                 f"{stage.memory:>29.0f}{stage.memory_largest:>9.0f}"
             )
         return "\n".join(rows)
+
+
+def _summary(stages: Sequence[Stage], merges: bool = False) -> list[Stage]:
+    """Return finished stages, each before its parts; with ``merges`` those of the same name are one."""
+    top, summary, parts = min((stage.depth for stage in stages), default=0), list[Stage](), list[Stage]()
+    alike: dict[str | int, tuple[list[Stage], list[Stage]]] = {}  # stages of each name, and their parts
+    for i, stage in enumerate(stages):
+        if stage.depth > top:
+            parts.append(stage)
+            continue
+        same, parts_of = alike.setdefault(stage.name if merges else i, ([], []))
+        same.append(stage)
+        parts_of += parts
+        parts = []
+    for same, parts_of in alike.values():
+        name = same[0].name + (f", {len(same)} times" if len(same) > 1 else "")
+        memory, largest = max(stage.memory for stage in same), max(stage.memory_largest for stage in same)
+        summary += [Stage(name, top, sum(stage.seconds for stage in same), memory, largest), *_summary(parts_of, merges=True)]
+    return summary + (_summary(parts, merges=True) if parts else [])  # parts of a stage that is not finished
 
 
 def _open(path: str) -> TextIO:

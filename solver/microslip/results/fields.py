@@ -47,6 +47,7 @@ class StageRecord:
     name: str
     seconds: float  # of the slowest rank
     memory: float  # MiB, the peak of all ranks together until its end
+    depth: int = 0  # number of enclosing stages
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ def _write_run(file: h5py.File, run: RunRecord) -> None:
     write_texts(file, "run/stages/name", [stage.name for stage in run.stages])
     write_array(file, "run/stages/seconds", np.array([stage.seconds for stage in run.stages], dtype="f8"), "s")
     write_array(file, "run/stages/memory_MiB", np.array([stage.memory for stage in run.stages], dtype="f8"), "MiB")
+    write_array(file, "run/stages/depth", np.array([stage.depth for stage in run.stages], dtype="i4"), "enclosing stages")
 
 
 def _write_mesh(file: h5py.File, mesh: Mesh) -> None:
@@ -150,8 +152,12 @@ def read_run(path: str) -> RunRecord:
             return RunRecord()
         seconds = reader.array("run/stages/seconds", "f8", (None,))
         memory = reader.array("run/stages/memory_MiB", "f8", seconds.shape)
+        depth = (
+            reader.array("run/stages/depth", "i4", seconds.shape) if "run/stages/depth" in reader else np.zeros(len(seconds), int)
+        )
         names = reader.texts("run/stages/name")[: len(seconds)]
-        return RunRecord(tuple(map(StageRecord, names, seconds.tolist(), memory.tolist())), tuple(reader.texts("run/notes")))
+        stages = tuple(map(StageRecord, names, seconds.tolist(), memory.tolist(), depth.tolist()))
+        return RunRecord(stages, tuple(reader.texts("run/notes")))
 
 
 def _mesh(reader: Reader) -> Mesh:

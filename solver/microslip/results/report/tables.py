@@ -351,9 +351,14 @@ def warnings_list(notes: Sequence[str]) -> str:
 
 def times_table(results: ResultFile, run: RunRecord) -> str:
     """Return the times of stages, and the points of each level."""
-    total = sum(stage.seconds for stage in run.stages)
+    total = sum(stage.seconds for stage in run.stages if stage.depth == 0)
     rows = [
-        (escape(stage.name), f"{stage.seconds:.3g} s", _percent(stage.seconds / max(total, 1e-9)), f"{stage.memory:.0f} MiB")
+        (
+            2 * stage.depth * "&ensp;" + escape(stage.name),
+            f"{stage.seconds:.3g} s",
+            _percent(stage.seconds / max(total, 1e-9)),
+            f"{stage.memory:.0f} MiB",
+        )
         for stage in run.stages
     ]
     if rows:
