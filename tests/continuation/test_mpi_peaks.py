@@ -111,6 +111,19 @@ def test_peaks_are_those_of_a_fine_sweep():
         assert beside.max() == pytest.approx(1.0, abs=1e-8)
 
 
+def test_a_maximum_at_a_corner_is_one_of_every_output_that_has_it(monkeypatch):
+    """No point shows it for the second output, which moves by half as much."""
+    system = damper() | {"output": np.array([[1.0], [0.5]])}
+    monkeypatch.setattr("microslip.continuation.peaks.maxima", lambda of: [top for top in maxima(of) if top[0] == 0])
+    monkeypatch.setattr("microslip.continuation.peaks.hidden", lambda *of: [])
+    _, (first, *others) = peaks(system, 123.024, 1, 128)
+    assert first.output == 0 and first.within > 0.0
+    (second,) = others
+    assert second.output == 1 and second.omega == pytest.approx(first.omega, rel=1e-6)
+    assert second.amplitude == pytest.approx(0.5 * first.amplitude, rel=1e-6)
+    assert len(peaks(system, 1.0, 1, 128)[1]) == 1  # no corner while all pairs stick
+
+
 @pytest.mark.parametrize(("points", "error"), [(8, 0.05), (100, 0.002)])
 def test_a_linear_peak_and_its_width_are_those_of_the_oscillator(points, error):
     _, (peak,) = peaks(damper(), 1.0, 1, 128, points=points)

@@ -48,3 +48,12 @@ def test_no_part_of_a_curve_is_passed_over_at_a_corner(number):
     assert few.failure is None and dense.failure is None
     n_peaks, *_, not_located, _ = sharp_peaks.missing(few, sharp_peaks.peaks_of_outputs(dense))
     assert n_peaks >= 8 and not_located == 0
+
+
+@pytest.mark.slow
+def test_a_narrow_maximum_at_a_corner_is_listed_for_both_outputs():
+    """Next to a wider one, 1 % lower: the points of the curve show the narrow one for output 0 alone."""
+    ((few,),) = sharp_peaks.curves(7, 3024, [30], None, is_small=True, samples=1024)
+    at_corner = [peak for peak in few.peaks if abs(peak.omega - 2.8754645) < 1e-6]
+    assert [peak.output for peak in at_corner] == [0, 1]
+    assert [abs(peak.amplitude) for peak in at_corner] == pytest.approx([0.0086774, 0.0192432], rel=1e-5)

@@ -154,15 +154,40 @@ def peaks_of(
         tops += on_root(problem.equation.comm, between_points, branch, curve)
     tops += hidden(problem, branch, curve)
     tops.sort(key=lambda top: (top.output, top.between))
-    forward, solved = AdjointSolver(problem.equation.comm, EXACT, np.float64), list[tuple[Peak, Iterate]]()
+    forward, solved = AdjointSolver(problem.equation.comm, EXACT, np.float64), list[tuple[Top, tuple[Peak, Iterate]]]()
+
+    def add(top: Top, near: Iterate | None = None) -> None:
+        peak = peak_about(problem, branch, top, tolerance, forward, sensitivities, near)
+        if peak is not None and not any(is_same(problem.equation, peak, other) for _, other in solved):
+            solved.append((top, peak))
+
     try:
         for top in tops:
-            peak = peak_about(problem, branch, top, tolerance, forward, sensitivities)
-            if peak is not None and not any(is_same(problem.equation, peak, other) for other in solved):
-                solved.append(peak)
+            add(top)
+        for top, (peak, there) in [each for each in solved if each[1][0].within > 0.0]:
+            for other in others_at_corner(problem, branch, top, there, [peak for _, (peak, _) in solved]):
+                add(other, there)
     finally:
         forward.destroy()
-    return [peak for peak, _ in solved]
+    return [peak for _, (peak, _) in sorted(solved, key=lambda each: (each[0].output, each[0].between))]
+
+
+def others_at_corner(problem: ForcedResponse, branch: Branch, top: Top, there: Iterate, solved: list[Peak]) -> list[Top]:
+    """Return the tops of other outputs at a corner, where they exceed both ends of its interval, without ``solved`` ones in it.
+
+    Collective.  A maximum at a corner may be narrow, and no point beside it shows it.
+    """
+    ends = [branch.points[k] for k in top.between]
+    equation, at = equation_at(branch.points[top.point], problem.equation, there.harmonics), problem.at(there.parameters)
+    sizes = np.abs(outputs_at(equation, at, equation.contact_forces(there.U, equation.every_pair, tangents=False)))
+
+    def higher() -> list[int]:
+        low, high = sorted(end.omega for end in ends)
+        known = {peak.output for peak in solved if low <= peak.omega <= high}
+        of_ends = np.max([np.hypot(*end.response[:, 1:3].T) for end in ends], axis=0)
+        return [int(output) for output in np.flatnonzero(sizes > (1.0 + SAME) * of_ends) if output not in known]
+
+    return [replace(top, output=output, omega=None) for output in on_root(equation.comm, higher)]
 
 
 def is_same(equation: HarmonicBalance, a: tuple[Peak, Iterate], b: tuple[Peak, Iterate]) -> bool:
@@ -258,11 +283,17 @@ def turns(equation: HarmonicBalance, stuck: Peak, begin: OperatingPoint) -> bool
 
 
 def peak_about(
-    problem: ForcedResponse, branch: Branch, top: Top, tolerance: float, forward: AdjointSolver, sensitivities: bool = False
+    problem: ForcedResponse,
+    branch: Branch,
+    top: Top,
+    tolerance: float,
+    forward: AdjointSolver,
+    sensitivities: bool = False,
+    near: Iterate | None = None,
 ) -> tuple[Peak, Iterate] | None:
-    """Return the maximum of an output about a top of a branch, and its motion.  Collective.
+    """Return the maximum of an output about a top of a branch, or about a solution ``near`` it, and its motion.  Collective.
 
-    If the search fails, the point of the top; None if only a slope shows the top and no higher solution is reached.
+    If the search fails, the point of the top; None if no point shows the top and no higher solution is reached.
 
     With the harmonics and samples of the point; its mean slip is regularised if it was at the point.
     """
@@ -279,7 +310,9 @@ def peak_about(
         sweep = Sweep(point.omega, point.omega + within)
         solver = PointSolver(problem.with_equation(equation), AllPairs(), sweep, tolerance, workspace)
         rises = equation.comm.bcast(top.point == top.between[int(np.argmin(ends))])  # from this end into the step
-        if top.is_hidden and rises:
+        if near is not None:
+            start = near
+        elif top.is_hidden and rises:
             row = climbed(solver, output, start, after if top.point == top.between[0] else before)
             if row is None:
                 return None
@@ -292,7 +325,7 @@ def peak_about(
         forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
         amplitude = complex(outputs_at(equation, at, forces)[output])
         is_higher = equation.comm.bcast(abs(amplitude) > (1.0 + tolerance) * max(ends))
-        if top.is_hidden and (solution.failure or not is_higher):
+        if (top.is_hidden or near is not None) and (solution.failure or not is_higher):
             return None
         width = half_power_width(branch, output, top.between, at.omega, abs(amplitude))
         derivatives = about_a_peak(solver, there, output, width, within) if sensitivities else (None, None)
