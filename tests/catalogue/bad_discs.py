@@ -162,6 +162,18 @@ DIFFER = [
     differing("blades of no body", 'blades = ["blad"]', "[cyclic] blades: there is no body 'blad'", 'nearest is "blade"'),
     differing("missing table", 'table = "none.csv"', "[cyclic] table", "none.csv"),
     Case(
+        "output named as that of a sector",
+        RUN,
+        ("[[outputs]] name = 'tip 1': with [cyclic] whole = true", "state another one"),
+        edited(
+            "disc.toml",
+            WAVE,
+            WHOLE,
+            "[damping]",
+            '[[outputs]]\nname = "tip 1"\nposition = [0.1, 0.0, 0.0]\ndirection = [1.0, 0.0, 0.0]\n[damping]',
+        ),
+    ),
+    Case(
         "whole disc by another method",
         RUN,
         ('[solver] method = "adaptive": with [cyclic] whole = true take "receptance"',),

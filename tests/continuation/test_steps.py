@@ -1,9 +1,12 @@
 """Frequencies of the linear curve."""
 
 import numpy as np
+import pytest
+from mpi4py import MPI
 
 from microslip.continuation import steps
-from microslip.continuation.steps import linear_frequencies
+from microslip.continuation.steps import arc_lengths, linear_frequencies
+from microslip.messages.errors import CaseError
 
 
 def length(omega, omega_n, zeta):
@@ -21,3 +24,11 @@ def test_many_close_resonances_share_their_points(monkeypatch):
     assert len(shared) < 0.25 * len(every) and np.isin(shared, every).all()
     assert (shared[0], shared[-1]) == (99.0, 101.0)
     assert abs(length(shared, omega_n, zeta) / length(every, omega_n, zeta) - 1.0) < 2e-3
+
+
+@pytest.mark.parametrize("where", [0, 1, 2])
+def test_the_message_on_an_unbounded_response_names_its_frequency(where):
+    motions = [np.full((1, 2), np.inf if i == where else 1.0) for i in range(3)]
+    hertz = np.array([1.0, 2.0, 3.0])
+    with pytest.raises(CaseError, match=rf"{hertz[where]:g} Hz lies on a resonance"), np.errstate(invalid="ignore"):
+        arc_lengths(MPI.COMM_SELF, motions, 2.0 * np.pi * hertz, 1.0)

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
@@ -61,7 +62,7 @@ CASES = {
     "mode 1.5": (lambda s: microslip.backbone(s, 1.5), "backbone: mode = 1.5: expected a whole number"),
     "ends below first slip": (lambda s: microslip.backbone(s, farthest=0.5), "farthest = 0.5: expected a number above 1"),
     "ends nowhere": (lambda s: microslip.backbone(s, farthest=math.nan), "farthest = nan: expected a number above 1"),
-    "frequency of text": (lambda s: microslip.search(s, "x"), "search: at = 'x': expected a frequency in Hz"),
+    "frequency of text": (lambda s: microslip.search(s, "x"), "search: at = 'x': expected a number above 0"),
     "level of text": (lambda s: microslip.search(s, 1.0, level="x"), "search: level = 'x': expected a number above 0"),
     "no starts": (lambda s: microslip.search(s, 1.0, starts=0), "search: starts = 0: expected a whole number of at least 1"),
     "half a start": (lambda s: microslip.search(s, 1.0, starts=1.5), "search: starts = 1.5: expected a whole number"),
@@ -83,6 +84,11 @@ CASES = {
         lambda s: microslip.respond(s, friction={"joint": "x"}),
         "friction of joint 'joint': expected numbers, found 'x'",
     ),
+    "values of lists": (
+        lambda s: microslip.peaks(s, {"level": (0.1, 1.0)}, values=[0.2, [0.3]]),
+        "values = .*: expected a list of numbers",
+    ),
+    "frequency beyond floats": (lambda s: microslip.search(s, 10**400), "search: at = 10*: expected a number above 0"),
     "no groups": (lambda s: microslip.respond(s, n_groups=0), "respond: n_groups = 0: expected a whole number of at least 1"),
     "complex level": (lambda s: microslip.respond(s, levels=1j), "1j is no value of a scene"),
 }
@@ -105,3 +111,17 @@ def test_a_mode_is_synthesised_at_levels_above_0_alone(structure, level):
 def test_a_level_of_text_is_no_level_of_a_response(structure):
     with pytest.raises(CaseError, match="there is no level 'x'; there are 0.8"):
         microslip.respond(structure).level("x")
+    with pytest.raises(CaseError, match="there is no level array"):
+        microslip.respond(structure).level(np.array([0.8, 0.9]))
+
+
+def test_numbers_without_axes_and_tables_of_columns_are_valid(structure):
+    class Table:
+        """The interface of a table of pandas."""
+
+        def items(self):
+            return (("level", [0.8]),)
+
+    assert microslip.respond(structure, n_groups=np.array(1)).level(0.8).failure == ""
+    assert microslip.backbone(structure, farthest=np.array(1.1), quasi_static=False, error_bars=False).failure is None
+    assert len(microslip.sweep(structure, Table(), paired=True).samples) == 1

@@ -396,6 +396,42 @@ def test_structures_without_nonlinear_mode_are_rejected(structure, system, mode,
     assert message in str(caught.value)
 
 
+def two_with_a_gap(k, k_n):
+    """Return two masses: one of a spring k that a gap separates from another, k_n, and one with friction, stuck at omega = 1."""
+    return scenes.make_system(
+        "gap and friction",
+        np.eye(2),
+        np.diag([k, 0.5]),
+        [[-1, -1, 0, -1, -1, -1], [1, -1, -1, -1, -1, -1]],
+        mu=[0.5, 0.5],
+        N0=[-0.5, 1.0],
+        k_t=[k_n, 0.5],
+        k_n=[k_n, 1.0],
+        loads=[{"vector": np.ones(2), "harmonic": 1, "phase": 0.0}],
+        output=[0.0, 1.0],
+        omega=(0.3, 3.0),
+        levels={},
+        zeta=0.01,
+    )
+
+
+def test_modes_are_multiple_by_their_frequencies_at_rest(structure):
+    """Where the gap is open: without its springs."""
+    one_apart = structure(two_with_a_gap(0.2, 0.8))
+    assert one_apart.omega_n == pytest.approx([1.0, 1.0])
+    for mode, frequency in ((1, np.sqrt(0.2)), (2, 1.0)):
+        followed = microslip.backbone(one_apart, mode=mode, farthest=1.1, quasi_static=False, error_bars=False)
+        assert 2.0 * np.pi * followed.linear_frequency == pytest.approx(frequency)
+    with pytest.raises(CaseError, match="modes 1, 2 have the same frequency"):
+        microslip.backbone(structure(two_with_a_gap(1.0, 3.0)), mode=1)
+
+
+def test_the_partner_of_a_multiple_mode_need_not_be_in_use(structure):
+    system = two_masses() | {"K": np.diag([1.0, 2.0])}
+    with pytest.raises(CaseError, match="modes 1, 2 have the same frequency"):
+        microslip.backbone(structure(system, modes=1), mode=1)
+
+
 @pytest.mark.pictures
 def test_the_command_writes_table_arrays_and_pictures(scene_file, program, shared_path):
     path = scene_file(one_mass(), points=8, samples=64)

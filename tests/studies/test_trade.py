@@ -2,16 +2,22 @@
 
 import csv
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from discs import cyclic, load, output
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import rc_context
 from matplotlib.image import imread
+from scene_text import joint, table
 
+from microslip.messages.errors import CaseError
 from microslip.points.peak import top_of_curve
 from microslip.results.style import RC
+from microslip.scene.read import read_scene
+from microslip.studies.trade.command import Request, check_meshes
 from microslip.studies.trade.report import (
     choice_lines,
     corrected_sentences,
@@ -210,3 +216,19 @@ def test_files_and_table(tmp_path):
     assert [entry["parameter"] for entry in table] == [entry.parameter for entry in result.ordered()]
     assert float(table[1]["error_percent"]) == pytest.approx(2.6) and float(table[1]["covered_percent"]) == 100.0
     assert (tmp_path / "trade.png").stat().st_size > 10_000
+
+
+def test_meshes_may_have_materials_bodies_and_supports_in_their_files(tmp_path):
+    """The scene has none: they are those of the CalculiX file, and of a copy of it."""
+    text = (Path(__file__).parents[1] / "data" / "sector_at_speed.inp").read_text()
+    for name in ("sector", "other"):
+        (tmp_path / f"{name}.inp").write_text(text)
+    scene = table("model", mesh="sector.inp") + joint("root", "slot", name="root", friction=0.05, preload=2e7, k_t=5e11)
+    scene += cyclic(5, engine_order=1) + load(5) + output(5)
+    scene += "[damping]\nratio = 0.01\n[response]\nlevels = [20.0]\nfrequencies = [1600.0, 1800.0]\n[solver]\nmodes = 6\n"
+    (tmp_path / "scene.toml").write_text(scene)
+    read, meshes = read_scene(tmp_path / "scene.toml"), Request(parameters=("mesh",), meshes=(str(tmp_path / "other.inp"),))
+    check_meshes(read, meshes)
+    (tmp_path / "other.inp").write_text(text.replace("slot", "slit"))
+    with pytest.raises(CaseError, match="--meshes: .*slot.*\n  expected mesh files of the same scene"):
+        check_meshes(read, meshes)

@@ -116,6 +116,21 @@ def test_a_simple_nonlinear_mode_of_equal_sectors_is_that_of_one_sector(shared_p
     whole.close()
 
 
+@pytest.mark.ranks(1)
+def test_a_sweep_takes_the_peak_of_any_sector(shared_path):
+    """The output of sector 1 in a sweep of one sample is that of the response."""
+    wave = {"engine_order": 2, "whole": True}
+    path = write_sector(shared_path, 5, end(N_DOF, 2.0, 1420.0), wave=wave, friction=0.05)
+    whole = build(read_scene(path, ["cyclic.scatter={load=0.3, seed=1}"]), COMM)
+    table = sweep(whole, {"level": [2.0]}, output="tip 1")
+    sizes = np.array([table_of.nominal.amplitude for table_of in (table, sweep(whole, {"level": [2.0]}, output="tip"))])
+    assert table.output == "tip 1" and table.samples[0].amplitude == pytest.approx(sizes[0], rel=1e-9)
+    assert abs(sizes[0] / sizes[1] - 1.0) > 1e-2
+    with pytest.raises(CaseError, match="there are tip, each followed by a sector, 0 to 4"):
+        sweep(whole, {"level": [2.0]}, output="tip 5")
+    whole.close()
+
+
 def of_sectors(ring, whole):
     """Return the pair of the whole disc at the position of each pair of the ring, and its sector."""
     distance, at = cKDTree(whole.pairs.position).query(ring.pairs.position)

@@ -112,8 +112,9 @@ def arc_lengths(comm: MPI.Comm, motions: list[np.ndarray], omegas: np.ndarray, o
     difference, size = comm.allreduce(np.array(squares)).T
     infinite = np.flatnonzero(~np.isfinite(difference + size))
     if len(infinite):
+        i = infinite[0] + int(not np.isfinite(size[infinite[0]]))  # one of the two ends of the piece
         raise CaseError(
-            f"[response] {omegas[infinite[0]] / 2 / np.pi:.9g} Hz lies on a resonance of the stuck structure, which "
+            f"[response] {omegas[i] / 2 / np.pi:.9g} Hz lies on a resonance of the stuck structure, which "
             "has no damping there: its linear response is infinite; state [damping], or begin away from the resonance"
         )
     relative = np.divide(difference, size, out=np.zeros_like(size), where=size > 0.0)

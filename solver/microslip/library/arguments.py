@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,14 @@ def refuse_no_structure(structure: Any, where: str) -> None:
     structure.refuse_closed()
 
 
+def scalar(value: Any) -> Any:
+    """Return the number of an array without axes; anything else as it is."""
+    return value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
 def whole_number(value: Any, least: int, where: str) -> int:
     """Return a whole number of at least ``least``.  Local.  Raises CaseError: anything else."""
+    value = scalar(value)
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral) or value < least:
         raise CaseError(f"{where} = {value!r}: expected a whole number of at least {least}")
     return int(value)
@@ -28,7 +35,8 @@ def whole_number(value: Any, least: int, where: str) -> int:
 
 def number_above(value: Any, bound: float, where: str) -> float:
     """Return a finite number above ``bound``.  Local.  Raises CaseError: anything else."""
+    value = scalar(value)
     is_number = isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
-    if not is_number or not bound < float(value) < float("inf"):
+    if not is_number or not bound < value < inf or value > np.finfo(float).max:
         raise CaseError(f"{where} = {value!r}: expected a number above {bound:g}")
     return float(value)

@@ -24,7 +24,7 @@ from ..points.sweep import Sweep
 from ..receptance.motions import modal_motion
 from ..receptance.reduced_model import ReducedModel
 from .arguments import number_above, refuse_no_structure, whole_number
-from .build import Structure
+from .build import Structure, WholeStructure
 from .mode_at_rest import FARTHEST, Begin, first_slip, moved_by, pairs_without_springs
 from .prepare import Prepared
 from .respond import prepared_with
@@ -286,6 +286,7 @@ def backbone(
     prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys, has_bars=False, has_curve=False)
     refuse_what_has_none(prepared, mode)
     prepared, n_released = pairs_without_springs(prepared)
+    refuse_multiple(prepared, mode, has_gaps=n_released > 0)
     start = time.perf_counter()
     equation = HarmonicBalance.of_all(prepared.model, prepared.response.law, prepared.response.settings.samples)
     problem = NonlinearMode.of(equation, mode - 1)
@@ -359,6 +360,31 @@ def comes_to_gross_slip(points: list[ModePoint]) -> bool:
     return by_friction[-1] < PAST * max(by_friction) or points[-1].amplitude > BEYOND * max(sticking, default=np.inf)
 
 
+def refuse_multiple(prepared: Prepared, mode: int, has_gaps: bool) -> None:
+    """Raise CaseError where another mode at rest has the frequency of this one.  Collective; the same on every rank.
+
+    The mode after the last one in use is computed for it, unless pairs that have gaps lost their springs.
+    """
+    scene, structure, (k, _) = prepared.scene, prepared.structure, prepared.model.index_of(1)
+    omega_n = prepared.model.groups[k].receptance.modes.omega_n
+    if mode == len(omega_n) < structure.n_elastic and not has_gaps and not isinstance(structure, WholeStructure):
+        is_known = structure.n_computed > mode
+        next_ones = structure.projected if is_known else structure.lowest_modes(mode + 1, verify=False, allows_fewer=True)
+        omega_n = np.append(omega_n, next_ones.omega_n[mode : mode + 1])
+    others = np.flatnonzero(np.abs(omega_n - omega_n[mode - 1]) <= EQUAL * omega_n[mode - 1]) + 1
+    if len(others) > 1:
+        cure = (
+            "leave [cyclic] whole out, for the wave of a nodal diameter"
+            if isinstance(structure, WholeStructure)
+            else "let a mass or a stiffness make them differ"
+        )
+        raise CaseError(
+            f"{scene.path}: backbone: modes {', '.join(map(str, others))} have the same frequency, "
+            f"{omega_n[mode - 1] / (2.0 * np.pi):.6g} Hz: any combination of them is a mode, and none of these begins a single "
+            f"nonlinear one; {cure}, or state another --mode"
+        )
+
+
 def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
     """Raise CaseError where a scene has no nonlinear mode of this number.  Local; the same on every rank."""
     scene, model, pairs = prepared.scene, prepared.model, prepared.pairs
@@ -374,19 +400,6 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
         raise CaseError(
             f"{where}: there is no mode {mode}: {has} {'were' if n > 1 else 'was'} computed; state {choice}, or raise "
             "[solver] modes"
-        )
-    omega_n = model.groups[k].receptance.modes.omega_n
-    others = np.flatnonzero(np.abs(omega_n / omega_n[mode - 1] - 1.0) <= EQUAL) + 1
-    if len(others) > 1:
-        whole = scene.cyclic is not None and scene.cyclic.whole
-        cure = (
-            "leave [cyclic] whole out, for the wave of a nodal diameter"
-            if whole
-            else "let a mass or a stiffness make them differ"
-        )
-        raise CaseError(
-            f"{where}: modes {', '.join(map(str, others))} have the same frequency, {omega_n[mode - 1] / (2.0 * np.pi):.6g} Hz: "
-            f"any combination of them is a mode, and none of these begins a single nonlinear one; {cure}, or state another --mode"
         )
     if pairs.n_pairs == 0:
         raise CaseError(f"{where}: the scene has no [[joints]]: frequency and damping do not depend on the amplitude")

@@ -194,7 +194,7 @@ def _columns(values: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     CaseError : none, or values that are no numbers
     """
     columns = {}
-    if not isinstance(values, Mapping):
+    if not hasattr(values, "items"):  # a mapping, or a table of pandas
         raise CaseError(f"sweep: values = {values!r}: expected a mapping of keys to lists, as {{'level': [5.0, 10.0]}}")
     for key, listed in values.items():
         try:

@@ -23,7 +23,7 @@ from .build import Structure
 from .prepare import Prepared, prepare
 from .respond import Keys, scene_with, with_modes_for
 from .sensitivities import FACTOR, LAW_NAMES, column_of, unit_of_pairs
-from .settings import output_names, reduction_settings, units_of
+from .settings import number_of_output, output_names, reduction_settings, units_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ def numbers_of(prepared: Prepared) -> list[OverNumber]:
 
 
 def _number(scene: Scene, pairs: ContactPairs, over: Over) -> OverNumber:
-    names, of_sector_0 = output_names(scene), [output.name for output in scene.outputs]  # which come first
-    output = 0 if over.output is None else (names if over.output in names else of_sector_0).index(over.output)
+    output = number_of_output(scene, over.output)
+    assert output is not None, "checked with the scene"
     level = over.level or max(scene.response.levels)
     of_joint = over.of_joint
     if over.key == "level":
@@ -152,7 +152,7 @@ def peaks(
     level = None if level is None else number_above(level, 0.0, "peaks: level")
     if not isinstance(over, Mapping) or not over or not all(_are_numbers(ends, (2,)) for ends in over.values()):
         raise CaseError(f'peaks: over = {over!r}: expected a mapping of keys to two ends, as {{"level": (0.1, 10.0)}}')
-    if not _are_numbers(values, np.shape(values)[:1]) or np.ndim(values) != 1:
+    if not _are_numbers(values, (None,)):
         raise CaseError(f"peaks: values = {values!r}: expected a list of numbers, points of each curve")
     tables = tuple(
         {"key": key, "range": tuple(map(float, ends)), "at": tuple(map(float, values))}
@@ -166,9 +166,10 @@ def peaks(
     return [curve for number in numbers_of(prepared) for curve in followed(prepared, number)]
 
 
-def _are_numbers(values: Any, shape: tuple[int, ...]) -> bool:
-    """Return whether an argument is an array of numbers of this shape."""
+def _are_numbers(values: Any, shape: tuple[int | None, ...]) -> bool:
+    """Return whether an argument is an array of numbers of this shape, None for any number."""
     try:
-        return np.asarray(values, dtype=float).shape == shape
+        found = np.asarray(values, dtype=float).shape
     except (TypeError, ValueError):
         return False
+    return len(found) == len(shape) and all(n in (m, None) for m, n in zip(found, shape))

@@ -150,7 +150,7 @@ class Response:
         CaseError : the response does not have this level
         """
         for branch in self.results.levels:
-            if branch.level == level:
+            if np.ndim(level) == 0 and branch.level == level:
                 return branch
         shown = f"{level:g} N" if isinstance(level, (int, float)) else repr(level)
         raise CaseError(f"there is no level {shown}; there are {', '.join(f'{known:g}' for known in self.levels)}")

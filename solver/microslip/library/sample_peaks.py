@@ -45,7 +45,7 @@ from .build import Structure, WholeStructure, build
 from .peak_curves import number_of_joint
 from .prepare import Prepared, prepare
 from .respond import prepared_with, scene_with, with_modes_for
-from .settings import reduction_settings, refuse_statics
+from .settings import n_sectors_of, number_of_output, reduction_settings, refuse_statics
 from .varied import Varied, as_keys, load_factors, of_joints
 
 DONE, FAILED, OUTSIDE, MISSING = "done", "failed", "outside", "missing"
@@ -114,17 +114,20 @@ class _Problem:
         return problem.with_equation(equation.holding(np.zeros((equation.n_owned, 2)) if held else None))
 
 
-def number_of_output(scene: Scene, name: str | None) -> int:
-    """Return the number of an output, from 0; that of the first one if None.  Local.
+def output_of(scene: Scene, name: str | None) -> int:
+    """Return the number of an output, from 0, of a whole disc of any sector; that of the first one if None.  Local.
 
     Raises
     ------
     CaseError : the scene has no such output
     """
-    names = [output.name for output in scene.outputs]
-    if name is not None and name not in names:
-        raise CaseError(f"{scene.source}: sweep: there is no output {name!r}{hint(str(name), names)}; there are {listed(names)}")
-    return 0 if name is None else names.index(name)
+    output, names = number_of_output(scene, name), [output.name for output in scene.outputs]
+    if output is None:
+        sectors = f", each followed by a sector, 0 to {n - 1}" if (n := n_sectors_of(scene)) > 1 else ""
+        raise CaseError(
+            f"{scene.source}: sweep: there is no output {name!r}{hint(str(name), names)}; there are {listed(names)}{sectors}"
+        )
+    return output
 
 
 class SamplePeaks:
@@ -155,7 +158,7 @@ class SamplePeaks:
     ):
         scene = structure.scene
         refuse_statics(scene, "sweep")
-        self.reference, self.varied, self.output = structure, varied, number_of_output(scene, output)
+        self.reference, self.varied, self.output = structure, varied, output_of(scene, output)
         self.log = log or RunLog(structure.comm, screen=False)
         self.spread = np.ones(len(varied.keys)) if spread is None else np.where(spread > 0.0, spread, 1.0)
         self.has_curves = has_curves

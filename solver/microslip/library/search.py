@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -118,8 +117,7 @@ def search(
     ConvergenceError, ResourceError : no solution was found; on every rank
     """
     refuse_no_structure(structure, "search")
-    if isinstance(at, bool) or not isinstance(at, Real):
-        raise CaseError(f"search: at = {at!r}: expected a frequency in Hz")
+    at = number_above(at, 0.0, "search: at")
     starts, seed = whole_number(starts, 1, "search: starts"), whole_number(seed, 0, "search: seed")
     level = max(structure.scene.response.levels) if level is None else number_above(level, 0.0, "search: level")
     refuse_what_has_one(structure.scene)

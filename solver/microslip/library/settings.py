@@ -122,6 +122,13 @@ def output_names(scene: Scene) -> tuple[str, ...]:
     return names if n == 1 else tuple(f"{name} {s}" for s in range(n) for name in names)
 
 
+def number_of_output(scene: Scene, name: str | None) -> int | None:
+    """Return the number of an output from 0, of a whole disc also of that of sector 0; the first by default, or None.  Local."""
+    names, of_sector_0 = output_names(scene), [output.name for output in scene.outputs]  # which come first
+    known = names if name in names else of_sector_0
+    return 0 if name is None else list(known).index(name) if name in known else None
+
+
 def band(scene: Scene) -> Band:
     """Return the range of frequencies of a scene.  Local."""
     response = scene.response

@@ -17,7 +17,7 @@ from .peak_curves import FACTOR
 from .response import xarray_module
 from .sample_peaks import DONE, FAILED, OUTSIDE, Sample, SamplePeaks
 from .sensitivities import unit_of_key
-from .settings import units_of
+from .settings import output_names, units_of
 from .varied import LEVELS, Varied
 
 if TYPE_CHECKING:
@@ -218,5 +218,5 @@ def table_of(
         for key, factor in zip(varied.keys, varied.is_factor)
     )
     return SweepTable(
-        design, tuple(samples), nominal, scene.outputs[output].name, units.outputs[output], of_keys, omegas / (2.0 * np.pi)
+        design, tuple(samples), nominal, output_names(scene)[output], units.outputs[output], of_keys, omegas / (2.0 * np.pi)
     )

@@ -279,7 +279,7 @@ def _differences_from(path: Path, identity: Identity, last: Identity) -> list[st
     """Return notes on the set-up of the last run in this folder, and on the differences of its inputs."""
     differences = identity.differences(last)
     folder = path / f"setup-{identity.setup}"
-    has_setup = (folder / "model").is_file() or any(folder.glob("diameter-*/model"))
+    has_setup = (folder / "model").is_file() or any(folder.glob("*diameter-*/model"))
     setup = "a set-up of the present inputs is stored here" if has_setup else "its set-up is one of other inputs"
     if not differences:
         return [

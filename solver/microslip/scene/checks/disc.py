@@ -76,6 +76,14 @@ def _whole_disc(scene: Scene) -> list[str]:
             f"[damping] {key}: with [cyclic] whole = true the modes of all nodal diameters are those of one disc; state ratio, "
             "or rayleigh"
         )
+    names = [output.name for output in scene.outputs]
+    of_sectors = {f"{name} {sector}" for name in names for sector in range(cyclic.sectors)}
+    mistakes += [
+        f"[[outputs]] name = {name!r}: with [cyclic] whole = true an output of that name belongs to a sector: outputs have its "
+        "number after their name; state another one"
+        for name in names
+        if name in of_sectors
+    ]
     if scene.solver.modes is None and any(load.harmonic != 1 for load in scene.loads):
         mistakes.append(
             "[solver] modes is missing: with [cyclic] whole = true accuracy chooses modes only for loads in "

@@ -119,6 +119,7 @@ def over(scene: Scene) -> list[str]:
         if over.output is not None and over.output not in (*outputs, *of_sectors):
             mistakes.append(
                 f"{where} output: there is no output {over.output!r}{hint(over.output, outputs)}; there are {listed(outputs)}"
+                + (f", each followed by a sector, 0 to {n_sectors - 1}" if n_sectors else "")
             )
         if over.key == "level":
             continue

@@ -12,7 +12,8 @@ from mpi4py import MPI
 
 from ...library.build import build
 from ...library.design import Design
-from ...library.sample_peaks import DONE, MISSING, OUTSIDE, Sample, SamplePeaks, number_of_output
+from ...library.sample_peaks import DONE, MISSING, OUTSIDE, Sample, SamplePeaks, output_of
+from ...library.settings import output_names, units_of
 from ...library.sweep import SweepTable, outside, table_of
 from ...library.varied import Varied
 from ...messages.errors import CaseError, ConvergenceError, Interrupted
@@ -82,7 +83,7 @@ def planned_of(scene: Scene, folder: Path, request: Request, options: tuple[str,
     CaseError : invalid samples, or samples that the scene does not allow
     """
     if not scene.awaits_file:
-        number_of_output(scene, request.output)
+        output_of(scene, request.output)
     design = design_of(scene, request)
     varied = Varied.of(scene, design.keys, request.keep_modes)
     refused = outside(varied, design)
@@ -142,8 +143,7 @@ def solved(
         structure = build(scene, groups.comm, log if groups.n == 1 else None, keeps_reference=of_rest)
     with log.stage("the scene itself"), unwatched():
         peaks = SamplePeaks(structure, planned.varied, request.output, planned.design.spread, request.curves)
-    output = scene.outputs[peaks.output]
-    log.note(_nominal_in_words(peaks.nominal, output.name, output.unit, groups))
+    log.note(_nominal_in_words(peaks.nominal, output_names(scene)[peaks.output], units_of(scene).outputs[peaks.output], groups))
     samples = dict(planned.known)
     with log.stage("samples"):
         samples |= follow(peaks, units, groups, planned, folder, request, log, limit)

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from ...formats.read import read_model
 from ...library.build import build
+from ...library.complete import complete, held_by
 from ...library.settings import by_method, reduction_settings, refuse_statics
 from ...mesh.read import read_mesh
 from ...messages.errors import CaseError, MicroslipError
@@ -117,7 +119,10 @@ def check_meshes(scene: Scene, request: Request) -> None:
     """Refuse meshes that the scene cannot have, before any of them costs time.  Local, on rank 0.  Raises CaseError."""
     for mesh in request.meshes if "mesh" in request.parameters else ():
         try:
-            read_mesh(changed(scene, {"model": {"mesh": str(Path(mesh).absolute())}}))
+            of_mesh = changed(scene, {"model": {"mesh": str(Path(mesh).absolute())}})
+            model = read_model(Path(mesh).absolute(), scene.model.step)
+            completed, _ = complete(of_mesh, model)
+            read_mesh(completed, held_by(of_mesh, model))
         except MicroslipError as problem:
             raise CaseError(f"--meshes: {problem}\n  expected mesh files of the same scene, with the same groups") from None
 
