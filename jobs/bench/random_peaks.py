@@ -129,6 +129,8 @@ def compare(number: int, points: int, reference: int, samples: int) -> tuple[lis
         maxima, at = [], sampled(dense)
         for output in range(amplitude.shape[1]):
             for i, low, high in tops(at[0], at[1][:, output]):
+                if dense.points[i - 1].segment != dense.points[i + 1].segment:
+                    continue  # the end of the range
                 place, size = sweeper.maximum(output, i)
                 low, high = low * (1.0 - BEYOND), high * (1.0 + BEYOND)
                 near = [

@@ -843,6 +843,15 @@ def test_a_cyclic_sector_names_the_table_for_the_scene(tmp_path):
     )
 
 
+def test_a_second_pair_of_cyclic_faces_is_not_replaced_by_the_table(tmp_path):
+    """As of two rings, each with its own faces: those of the second would be free."""
+    second = SECTOR.replace("TIE=T", "TIE=U").replace("NAME=T", "NAME=U").replace("CROWN, FEET", "TOP, BOTTOM")
+    model = read(tmp_path, CUBE + TWICE + STEEL + SECTOR + second)
+    first, other = (finding for finding in model.findings if finding.word == "*CYCLIC SYMMETRY MODEL")
+    assert first.part == "cyclic" and other.changes and other.part == ""
+    assert "a second cyclic symmetry, of TOP and BOTTOM" in other.effect and model.cyclic.faces == ("CROWN", "FEET")
+
+
 @pytest.mark.parametrize(
     "card, message",
     [

@@ -17,6 +17,7 @@ from ..messages.words import counted, place, verb
 from ..parallel.ownership import rows_of
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
+from .connected import parts_of
 from .data import Mesh
 from .projection import Projection, project_on_surface
 from .surface import nodes_of, outward_faces, surface_of
@@ -63,6 +64,11 @@ def cyclic_faces(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
     back, _ = cKDTree(turned).query(mesh.points[high])
     if max(distance.max(), back.max()) > tolerance:
         return _tied(mesh, cyclic)
+    if len(np.unique(partner)) < len(low):  # as where a joint reaches the faces, with a node of each of its bodies
+        _, part = parts_of([block.nodes for block in mesh.elements], len(mesh.points))
+        aside = 2.0 * mesh.diagonal * part[:, None]  # a fourth coordinate, in which only parts of the mesh are apart
+        by_part = cKDTree(np.hstack([mesh.points[high], aside[high]])).query(np.hstack([turned, aside[low]]))
+        distance, partner = by_part if by_part[0].max() <= tolerance else (distance, partner)
     if len(np.unique(partner)) < len(low):
         counts = np.bincount(partner)
         node = high[int(np.argmax(counts))]

@@ -27,10 +27,20 @@ def take_cyclic(model: InputModel) -> None:
         for words, _ in card.lines()
     }
     for scope, card in model.cards:
-        if card.keyword == WORD:
-            model.sectors = _sectors(model, scope, card, faces)
-            effect = f"{CYCLIC}; {sectors_in_words(model.sectors)}"
-            model.findings.take(Finding(word=f"*{WORD}", where=card.where, effect=effect, changes=True, part=PART))
+        if card.keyword != WORD:
+            continue
+        sectors = _sectors(model, scope, card, faces)
+        if model.sectors is None:
+            model.sectors, part = sectors, PART
+            effect = f"{CYCLIC}; {sectors_in_words(sectors)}"
+        else:
+            first, other = (" and ".join(each.faces or ("LOW", "HIGH")) for each in (model.sectors, sectors))
+            part = ""  # no key of [cyclic] replaces it
+            effect = (
+                f"a second cyclic symmetry, of {other}; [cyclic] has one pair of faces: state a single one in the file, with all "
+                f"faces of both, as {first} are those of a part of the sector"
+            )
+        model.findings.take(Finding(word=f"*{WORD}", where=card.where, effect=effect, changes=True, part=part))
 
 
 def _sectors(model: InputModel, scope: Scope, card: Card, faces: dict[str, list[str]]) -> FileSectors:
