@@ -10,8 +10,10 @@ import scipy.sparse as sp
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
+from microslip.fourier.harmonics import Harmonics
 from microslip.library.result_files import Shapes, notes_on_size
-from microslip.observe.not_computed import changes
+from microslip.observe.not_computed import Extent, changes
+from microslip.observe.not_computed import not_computed as not_computed_of
 from microslip.parallel.agree import on_root
 from microslip.points.error_parts import PARTS, SAFETY
 from microslip.results.draw import draw_share
@@ -59,6 +61,12 @@ def test_an_error_bar_above_the_amplitude_is_no_estimate(bar, is_estimate):
     expected = changes([SimpleNamespace(points=points, level=2.0)], "harmonics")
     assert expected.startswith(f"effect by the error bars up to {100.0 * bar:.3g} % of the peak, at 2 N")
     assert ("no estimate" in expected) != is_estimate
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_coriolis_forces_of_a_turning_structure_are_left_out_of_the_response(turns):
+    extent = Extent("receptance", "", np.ones(2), 2, Harmonics.up_to(1), None, True, True, False, turns=turns)
+    assert any(line.startswith("Coriolis forces of the rotation") for line in not_computed_of(extent, [], None)) == turns
 
 
 def test_without_slip_no_static_column_is_computed(tmp_path, program):

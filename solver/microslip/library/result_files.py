@@ -88,6 +88,7 @@ def extent_of(prepared: Prepared) -> Extent:
         has_mesh=structure.has_mesh,
         rests=scene.response.sensitivities and scene.statics is not None,
         is_whole_disc=isinstance(structure, WholeStructure),
+        turns=scene.statics is not None and scene.statics.rotation_speed > 0.0,
     )
 
 

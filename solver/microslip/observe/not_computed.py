@@ -31,6 +31,7 @@ class Extent:
     has_mesh: bool
     rests: bool  # sensitivities are about a state of rest of [statics]
     is_whole_disc: bool = False  # omega_n also has the static shapes of blades that differ
+    turns: bool = False  # with a speed of rotation in [statics]
 
     @property
     def moves(self) -> bool:
@@ -82,6 +83,10 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
         lines.append(
             "change of the state of rest in the sensitivities: they leave preload and gaps of [statics] as they are; a sweep of "
             "friction, preload or contact stiffness solves for them again"
+        )
+    if of.turns and of.moves:
+        lines.append(
+            "Coriolis forces of the rotation: a response leaves them out, `microslip modes` takes them in ([statics] coriolis)"
         )
     if not of.has_mesh:
         lines.append("fields for ParaView: the scene has no mesh")

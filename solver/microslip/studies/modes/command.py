@@ -59,7 +59,9 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options:
     with log_of(comm, folder / "modes.log", scene, options) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if request.count is None else {"modes": request.count})})
         on_root(comm, remove_files, folder, "campbell.*", "crossings.csv", "interference.png", "modes_diameter_*.vtkhdf")
-        if request.speeds and not takes_coriolis(scene):
+        at_rest = scene.statics is None and (scene.cyclic is not None or not request.speeds)
+        turns = not at_rest and (request.speeds or (scene.statics is not None and scene.statics.rotation_speed > 0.0))
+        if turns and not takes_coriolis(scene):
             log.note("Coriolis forces of the rotation are left out; [statics] coriolis = true takes them in")
         if scene.cyclic is not None:
             _of_disc(scene, comm, folder, request, log)
