@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from ..messages.errors import MeshError
 from ..messages.words import place
 from ..tables.structure import Support
+from .components import components, parts_of
 from .data import ContactPairs, Mesh
 
 if TYPE_CHECKING:
@@ -36,21 +36,11 @@ def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray,
     )
 
 
-def parts_of(cells: Sequence[np.ndarray], n: int) -> tuple[int, np.ndarray]:
-    """Return the number of connected parts of n nodes and the part of each, (n,); a node without cells is a part.  Local.
-
-    ``cells`` are arrays (n_cells, n_nodes); the nodes of a cell belong to one part.
-    """
-    first = np.concatenate([np.repeat(of_kind[:, 0], of_kind.shape[1] - 1) for of_kind in cells])
-    other = np.concatenate([of_kind[:, 1:].ravel() for of_kind in cells])
-    return _components(first, other, n)
-
-
 def tied_bodies(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarray:
     """Return the tied bodies: the number of the group of parts connected by ties and points, (n_parts,).  Local, rank 0."""
     joined = (*links.joined, *links.more_joined) if links is not None else ()
     first, second = np.concatenate([np.zeros((2, 0), dtype=np.int64), *joined], axis=1)
-    return _components(part[first], part[second], n_parts)[1]
+    return components(part[first], part[second], n_parts)[1]
 
 
 def fixed_parts(
@@ -95,7 +85,7 @@ def check_fixed(
     first, second = (on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
     part1, part2 = (first.T @ second).nonzero()
     tied = tied_bodies(part, n_parts, links)
-    _, component = _components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
+    _, component = components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
     component = component[:n_parts]
     for side, other in ((first, second), (second, first)):
         fixed[side[np.diff(other.indptr) == 0].indices] = True
@@ -116,11 +106,6 @@ def on_parts(weights: sp.csr_matrix, part: np.ndarray, n_parts: int) -> sp.csr_m
     """Return the number of nodes of each part that move each contact point, (n_pairs, n_parts), from their weights.  Local."""
     ones = np.ones(len(weights.indices))
     return sp.csr_matrix((ones, part[weights.indices], weights.indptr), (weights.shape[0], n_parts))
-
-
-def _components(first: np.ndarray, second: np.ndarray, n: int) -> tuple[int, np.ndarray]:
-    graph = sp.coo_matrix((np.ones(len(first), dtype=np.int8), (first, second)), (n, n))
-    return connected_components(graph, directed=False)
 
 
 def _centre(mesh: Mesh, is_member: np.ndarray) -> str:

@@ -17,7 +17,7 @@ from ..messages.words import counted, place, verb
 from ..parallel.ownership import rows_of
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
-from .connected import parts_of
+from .components import parts_of
 from .data import Mesh
 from .projection import Projection, project_on_surface
 from .surface import nodes_of, outward_faces, surface_of

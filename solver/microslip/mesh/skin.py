@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .. import elements
-from .connected import parts_of
+from .components import parts_of
 from .data import Mesh
 from .surface import isin_rows
 

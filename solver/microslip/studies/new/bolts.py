@@ -7,7 +7,7 @@ import numpy as np
 
 from ... import elements
 from ...formats.model import FileModel
-from ...mesh.connected import parts_of
+from ...mesh.components import parts_of
 from ...mesh.cut import cut_through
 from ...mesh.data import Mesh
 from ...mesh.skin import Skin

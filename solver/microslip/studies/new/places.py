@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...formats.model import FileModel
-from ...mesh.connected import connected_parts, parts_of
+from ...mesh.components import parts_of
+from ...mesh.connected import connected_parts
 from ...mesh.data import Mesh
 from ...messages.words import listed
 from ...tables.structure import Support
