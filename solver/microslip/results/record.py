@@ -5,6 +5,7 @@ n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -216,6 +217,19 @@ class ResultFile:
     at_rest: Mapping[str, StaticTable] = field(default_factory=dict)  # by keys of ``STATIC_TABLES``; none without [statics]
     over: tuple[PeaksOver, ...] = ()  # peaks over numbers of the scene
     wear: Wear | None = None  # None: no study of wear has added it
+
+    @property
+    def cyclic(self) -> Mapping[str, Any]:
+        """The table [cyclic] of the scene; empty without one."""
+        try:
+            return tomllib.loads(self.scene_text).get("cyclic", {})
+        except tomllib.TOMLDecodeError:  # results of no scene file
+            return {}
+
+    @property
+    def n_sectors(self) -> int:
+        """The number of sectors whose pairs are in the results; 1 unless they are those of a whole disc."""
+        return int(self.cyclic["sectors"]) if self.cyclic.get("whole") else 1
 
     @property
     def solved(self) -> list[LevelResult]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
-
 import numpy as np
 from matplotlib.lines import Line2D
 
@@ -13,18 +11,9 @@ from .record import ResultFile
 from .style import FAINT, WIDTH, Page, Pages, level_colours, level_name, plain, with_prefix
 
 
-def sectors_of(results: ResultFile) -> int:
-    """Return the number of sectors whose pairs are in the results; 1 unless they are those of a whole disc.  Local."""
-    try:
-        cyclic = tomllib.loads(results.scene_text).get("cyclic", {})
-    except tomllib.TOMLDecodeError:  # results of no scene file
-        return 1
-    return int(cyclic["sectors"]) if cyclic.get("whole") else 1
-
-
 def draw_sectors(results: ResultFile) -> Pages:
     """Draw largest amplitude and friction loss of each sector of a whole disc, a line for each level.  Local."""
-    N, levels = sectors_of(results), results.solved
+    N, levels = results.n_sectors, results.solved
     if N == 1 or not levels:
         return {}
     n_outputs = len(results.outputs) // N

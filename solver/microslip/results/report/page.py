@@ -109,7 +109,13 @@ def _sections(
     results: ResultFile, fields: Fields | None, run: RunRecord, figures: dict, drawings: str
 ) -> list[tuple[str, str, str]]:
     """Return key, heading and HTML of the existing sections."""
-    sections = [("summary", "Summary", tables.warnings_list(run.notes) + tables.cards(results) + tables.peaks_table(results))]
+    sections = [
+        (
+            "summary",
+            "Summary",
+            tables.warnings_list(run.notes) + tables.cards(results) + tables.disc_note(results) + tables.peaks_table(results),
+        )
+    ]
     sections.append(
         (
             "response",

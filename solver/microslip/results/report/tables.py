@@ -1,7 +1,8 @@
 """The text and tables of a report as HTML.  All text from a user's file passes through ``escape``."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 
@@ -218,13 +219,41 @@ def _shift(results: ResultFile, level: LevelResult, at: int) -> str:
     return f"{100.0 * (level.frequency[at] / reference - 1.0):+.3g} % of that at {escape(level_name(low))}"
 
 
+def disc_note(results: ResultFile) -> str:
+    """Return which sectors of a disc the numbers are of; "" without [cyclic]."""
+    cyclic = results.cyclic
+    if not cyclic:
+        return ""
+    N, order = int(cyclic["sectors"]), cyclic.get("engine_order")
+    wave = f"nodal diameter {_excited_diameter(cyclic)}" + ("" if order is None else f", by engine order {int(order)}")
+    if cyclic.get("whole"):
+        text = (
+            f"A disc of {N} sectors that may differ ({wave}): pairs and energies are those of all sectors, amplitudes in this "
+            f"table those of {escape(results.outputs[0])}. sectors.png and sectors.csv of the run have every sector."
+        )
+    else:
+        text = (
+            f"A disc of {N} sectors that vibrates as a wave ({wave}): pairs, forces and energies are those of one sector, "
+            "the same in every other one. Meshes and motion are those of the whole disc."
+        )
+    return f'<p class="note">{text}</p>'
+
+
+def _excited_diameter(cyclic: Mapping[str, Any]) -> int:
+    """Return the nodal diameter of harmonic 1, 0 to half of the sectors."""
+    order, N = int(cyclic.get("engine_order", cyclic.get("nodal_diameter", 0))), int(cyclic["sectors"])
+    return min(order % N, -order % N)
+
+
 def modes_table(results: ResultFile) -> str:
     """Return the natural frequencies with all pairs stuck."""
     n = len(results.mode_frequency)
     rows = [(str(i + 1), f"{f:.7g} Hz") for i, f in enumerate(results.mode_frequency[:MOST_MODES])]
     parts = "".join(table(("mode", "frequency"), rows[i : i + _ROWS]) for i in range(0, len(rows), _ROWS))
     left = f" {n - MOST_MODES} more are in results.h5." if n > MOST_MODES else ""
-    return f'<div class="tables">{parts}</div><p class="note">Of the structure with all pairs stuck.{left}</p>'
+    cyclic = results.cyclic
+    of = f", at nodal diameter {_excited_diameter(cyclic)}" if cyclic and not cyclic.get("whole") else ""
+    return f'<div class="tables">{parts}</div><p class="note">Of the structure with all pairs stuck{of}.{left}</p>'
 
 
 def understood(results: ResultFile, fields: Fields | None) -> str:
