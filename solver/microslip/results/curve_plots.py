@@ -112,9 +112,8 @@ def draw_states(results: ResultFile) -> Pages:
         return {}
     handles = [Line2D([], [], color=c, ls=s, lw=1.5, label=n) for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)]
     handles.append(Line2D([], [], color=FAINT, ls=":", lw=1.0, label="peak of the response"))
-    page, axes = _panels(
-        results, f"states of the {counted(results.joint.n_pairs, 'contact pair')} along the curve", levels, handles
-    )
+    heading = f"states of the {counted(results.joint.n_pairs, 'contact pair')} along the curve{results.of_sector}"
+    page, axes = _panels(results, heading, levels, handles)
     for ax, level in zip(axes, levels):
         for number, colour, style in zip(counts(level.state).T, STATE_COLOURS, STATE_STYLES):
             _curve(ax, level, number, colour, style)
@@ -153,6 +152,7 @@ def draw_energy(results: ResultFile) -> Pages:
     )
     handles = [Line2D([], [], color=c, ls=s, lw=1.2, label=label) for _, label, c, s in parts]
     heading = "energy per cycle along the curve, and the closure |input \u2212 damping \u2212 friction| / input"
+    heading += results.of_sector
     page, axes = _panels(results, heading, levels, handles, foot=1.5)
     for ax, level in zip(axes, levels):
         factor, unit = with_prefix(np.concatenate([getattr(level, name) for name, *_ in parts]), "J")

@@ -247,6 +247,7 @@ def draw_on_joint(
     largest = sorted(range(len(surfaces)), key=lambda i: -len(surfaces[i].pairs))[:_MOST_PATCHES]
     shown = [surfaces[i] for i in sorted(largest)]
     layout = choose_layout(np.array([patch.size for patch in shown]), len(blocks), len(surfaces) > 1)
+    heading += results.of_sector
     if len(shown) < len(surfaces):
         heading += f"; {len(shown)} of {len(surfaces)} surfaces"
     if not all(patch.to_scale for patch in shown):

@@ -232,6 +232,11 @@ class ResultFile:
         return int(self.cyclic["sectors"]) if self.cyclic.get("whole") else 1
 
     @property
+    def of_sector(self) -> str:
+        """The end of a heading above quantities of the pairs, for a disc that is computed from one sector."""
+        return f"; one of {self.cyclic['sectors']} sectors" if self.cyclic and self.n_sectors == 1 else ""
+
+    @property
     def solved(self) -> list[LevelResult]:
         """The levels that have points, in their order."""
         return [level for level in self.levels if len(level.frequency)]
