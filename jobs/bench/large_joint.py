@@ -107,6 +107,7 @@ class Heading:
     """The heading of the picture."""
 
     title: str
+    name: str = ""
 
 
 def main() -> None:

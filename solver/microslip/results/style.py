@@ -124,7 +124,11 @@ class Titled(Protocol):
 
     @property
     def title(self) -> str:
-        """The title of the scene."""
+        """The title of the scene; may be empty."""
+
+    @property
+    def name(self) -> str:
+        """The name of the scene's file, without ending."""
 
 
 class PageFigure(Figure):
@@ -144,13 +148,13 @@ class PageFigure(Figure):
 class Page:
     """A figure with a heading and a legend above a field for axes; sizes in inches, ``height`` of the field.
 
-    The heading is the scene's title and, in a second line, the subject of the picture.
+    The heading is the scene's title, or its name, and, in a second line, the subject of the picture.
     """
 
     LINE, ENTRY, MARGIN = 0.145, 0.155, 0.08
 
     def __init__(self, results: Titled, heading: str, width: float, height: float, handles: Sequence = ()):
-        title = textwrap.wrap(plain(results.title, 300), int(14 * width), max_lines=2, placeholder=" \u2026")
+        title = textwrap.wrap(plain(results.title or results.name, 300), int(14 * width), max_lines=2, placeholder=" \u2026")
         lines = textwrap.wrap(heading, int(16 * width))
         columns = legend_columns([handle.get_label() for handle in handles], width)
         text_height = self.LINE * (len(title) + len(lines))

@@ -40,6 +40,7 @@ class Mark:
 @dataclass(frozen=True)
 class _Title:
     title: str
+    name: str = ""
 
 
 def draw(folder: Path, mesh: Mesh, marks: Sequence[Mark], title: str) -> list[str]:

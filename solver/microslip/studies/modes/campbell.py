@@ -156,7 +156,8 @@ def draw_engine_orders(axes, orders: Sequence[int], end: float, top: float) -> N
 
 def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequence[Crossing], scene: Titled, path: str) -> None:
     """Draw frequencies against speed, the lines of the engine orders, and their crossings.  Local."""
-    heading = "natural frequencies with all pairs stuck against speed; engine orders (E) and their resonances (circles)"
+    heading = "natural frequencies with all pairs stuck against speed; engine orders (E)"
+    heading += " and their resonances (circles)" if resonances else ""
     page = Page(scene, heading, WIDTH, 4.4)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     rpm, highest = campbell.speed * 30.0 / np.pi, 1.08 * float(campbell.frequency.max())

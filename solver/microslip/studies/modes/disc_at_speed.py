@@ -134,7 +134,8 @@ def draw_at_speeds(
     by_wave: Mapping[Wave, Campbell], met: Sequence[tuple[int, Crossing]], excited: Excited, scene: Titled, path: str
 ) -> None:
     """Draw the families of all nodal diameters against speed, lines of engine orders, and where these excite them.  Local."""
-    heading = "frequencies by nodal diameter against speed (dots: computed), without slip; engine orders E meet them at circles"
+    heading = "frequencies by nodal diameter against speed (dots: computed), without slip"
+    heading += "; engine orders E meet them at circles" if met else ""
     diameters = list(dict.fromkeys(wave.diameter for wave in by_wave))
     colours = dict(zip(diameters, level_colours(len(diameters))))
     lines = {
