@@ -110,6 +110,18 @@ def test_patches_in_a_ring_have_distinct_labels():
     assert len(set(labels)) == 8 and not any("e" in label for label in labels)
 
 
+def test_patches_of_several_sectors_are_named_by_their_position_in_sector_0():
+    one = two_flanks(6, 2)
+    n, turn = one.n_pairs, np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    position = np.concatenate([one.position, one.position @ turn.T])
+    frame = np.concatenate([one.frame, one.frame @ turn.T])
+    (faces,) = one.faces
+    both = pairs_of(position, frame, np.tile(one.area, 2), one.joint * 2, (np.concatenate([faces, faces + n]),))
+    of_sector = [patch.label for patch in patches(joint_of(one))]
+    labels = [patch.label for patch in patches(joint_of(both), 2)]
+    assert labels == [f"{label}, sector {sector}" for sector in (0, 1) for label in of_sector]
+
+
 def test_joints_are_separate_patches_even_without_faces():
     surfaces = patches(joint_of(two_flanks(4, 1, names=("left", "right"))))
     assert [patch.label for patch in surfaces] == ["left", "right"]

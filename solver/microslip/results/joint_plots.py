@@ -15,6 +15,7 @@ from matplotlib.patches import Patch as Swatch
 
 from ..contact.law import STICK
 from ..contact.laws import friction_limit
+from ..fourier.coefficients import amplitude
 from .layout import PowersOfTen
 from .measures import counts
 from .record import LevelResult, ResultFile
@@ -234,6 +235,11 @@ def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled:
     )
 
 
+def _loss_at_peak(level: LevelResult) -> np.ndarray:
+    """Return the friction loss of each pair at the largest amplitude of any output, (n_pairs,) J."""
+    return level.energy[int(np.argmax(amplitude(level.response).max(axis=1)))]
+
+
 def draw_on_joint(
     results: ResultFile, name: str, heading: str, blocks: Sequence[tuple[str, np.ndarray]], handles, bar=None
 ) -> Pages:
@@ -241,15 +247,17 @@ def draw_on_joint(
 
     ``bar`` is palette, scale and text of a colour bar.
     """
-    surfaces = patches(results.joint)
+    surfaces = patches(results.joint, results.n_sectors)
     if not blocks or not surfaces:
         return {}
-    largest = sorted(range(len(surfaces)), key=lambda i: -len(surfaces[i].pairs))[:_MOST_PATCHES]
+    weight = np.ones(results.joint.n_pairs) if results.n_sectors == 1 else _loss_at_peak(results.solved[-1])
+    largest = sorted(range(len(surfaces)), key=lambda i: -weight[surfaces[i].pairs].sum())[:_MOST_PATCHES]
     shown = [surfaces[i] for i in sorted(largest)]
     layout = choose_layout(np.array([patch.size for patch in shown]), len(blocks), len(surfaces) > 1)
     heading += results.of_sector
     if len(shown) < len(surfaces):
         heading += f"; {len(shown)} of {len(surfaces)} surfaces"
+        heading += ", with the largest friction loss" if results.n_sectors > 1 else ""
     if not all(patch.to_scale for patch in shown):
         heading += "; pairs in the order of their numbers"
     elif layout.stretch > 1.01:

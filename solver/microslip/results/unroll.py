@@ -45,10 +45,10 @@ class Patch:
         return np.concatenate([self.points - margin, self.points + margin, row_end, *self.outlines])
 
 
-def patches(joint: Joint) -> list[Patch]:
+def patches(joint: Joint, n_sectors: int = 1) -> list[Patch]:
     """Return the contact surfaces of all joints, in the order of their first pairs.  Local.
 
-    Pairs that no face names make one patch a joint, without cells.
+    Pairs that no face names make one patch a joint, without cells.  The pairs of several sectors follow each other.
     """
     surfaces = []
     part = _parts(joint)
@@ -56,8 +56,17 @@ def patches(joint: Joint) -> list[Patch]:
     parts.sort(key=lambda pairs: (joint.joint[pairs[0]], pairs[0]))
     for pairs in parts:
         siblings = [other for other in parts if joint.joint[other[0]] == joint.joint[pairs[0]]]
-        surfaces.append(_patch(joint, pairs, joint.names[joint.joint[pairs[0]]] + _label(joint, pairs, siblings)))
+        where = _in_sector(joint, pairs, siblings, n_sectors) or _label(joint, pairs, siblings)
+        surfaces.append(_patch(joint, pairs, joint.names[joint.joint[pairs[0]]] + where))
     return surfaces
+
+
+def _in_sector(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray], n_sectors: int) -> str:
+    """Return the position of a patch within its sector, that of sector 0, and the sector; "" where it belongs to several."""
+    n = joint.n_pairs // n_sectors
+    first, sector = [other for other in siblings if other[-1] < n], pairs[0] // n
+    own = [other for other in first if np.array_equal(other, pairs - sector * n)]
+    return f"{_label(joint, own[0], first)}, sector {sector}" if own and n_sectors > 1 else ""
 
 
 def _label(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:

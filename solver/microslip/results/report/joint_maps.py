@@ -74,7 +74,7 @@ def _palette(name: str) -> list[str]:
 
 def map_drawings(results: ResultFile) -> str:
     """Return the surfaces as HTML: a drawing each, whose cells name their pairs; "" where there are none or too many.  Local."""
-    surfaces = patches(results.joint) if results.joint.n_pairs else []
+    surfaces = patches(results.joint, results.n_sectors) if results.joint.n_pairs else []
     if sum(len(patch.cells) or len(patch.pairs) for patch in surfaces) > MOST_CELLS:
         return ""
     return "\n".join(map(_drawing, surfaces))
