@@ -126,26 +126,26 @@ def test_times_of_parts_are_within_those_of_their_stage(whole):
     assert "<td>until the results were written</td><td>1.5 s</td>" in text
 
 
+WAVE = "24 sectors that vibrates as a wave (nodal diameter"
+
+
 @pytest.mark.parametrize(
     ("cyclic", "words", "of_modes"),
     [
+        ("sectors = 24\nengine_order = 23", f"{WAVE} 1, by engine order 23)", "stuck, at nodal diameter 1."),
+        ('sectors = 24\nnodal_diameter = 3\nwave = "forward"', f"{WAVE} 3)", "stuck, at nodal diameter 3."),
         (
-            "engine_order = 23",
-            "24 sectors that vibrates as a wave (nodal diameter 1, by engine order 23)",
-            "stuck, at nodal diameter 1.",
+            "sectors = 2\nengine_order = 3\nwhole = true",
+            "2 sectors that may differ (nodal diameter 1, by engine order 3)",
+            "stuck.",
         ),
-        (
-            'nodal_diameter = 3\nwave = "forward"',
-            "24 sectors that vibrates as a wave (nodal diameter 3)",
-            "stuck, at nodal diameter 3.",
-        ),
-        ("engine_order = 2\nwhole = true", "24 sectors that may differ (nodal diameter 2, by engine order 2)", "stuck."),
     ],
 )
 def test_the_numbers_of_a_disc_are_those_of_its_sectors(whole, cyclic, words, of_modes):
-    results = replace(read_results(whole[0]), scene_text=f"[cyclic]\nsectors = 24\n{cyclic}\n")
+    results = replace(read_results(whole[0]), scene_text=f"[cyclic]\n{cyclic}\n")
     assert words in tables.disc_note(results) and of_modes in tables.modes_table(results)
     assert words in page_of(results, read_fields(whole[0]), read_run(whole[0]), "")
+    assert ("largest of all sectors" in tables.cards(results)) == ("whole" in cyclic)
     assert tables.disc_note(read_results(whole[0])) == ""
 
 

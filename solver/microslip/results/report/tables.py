@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...fourier.coefficients import amplitude
 from ...messages.words import counted
 from ...points.error_parts import PARTS, total
 from ...points.quantities import hertz
@@ -185,6 +186,13 @@ def cards(results: ResultFile) -> str:
     ]
     if where := results.shown.where(level.frequency[at], 6):
         entries.append(("at", where, _shift(results, level, at)))
+    if results.n_sectors > 1:
+        n_outputs = len(results.outputs) // results.n_sectors
+        sizes = amplitude(level.response[:, ::n_outputs]).max(axis=0)
+        k = n_outputs * int(np.argmax(sizes))
+        entries.append(
+            ("largest of all sectors", quantity_text(float(sizes.max()), results.unit_of(k)), escape(results.outputs[k]))
+        )
     if results.joint.n_pairs:
         entries.append(("pairs that slip", f"{slip} of {results.joint.n_pairs}", f"{is_open} open" if is_open else "none opens"))
     losses = float(level.friction[at] + level.damping[at])
