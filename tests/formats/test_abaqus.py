@@ -843,13 +843,27 @@ def test_a_cyclic_sector_names_the_table_for_the_scene(tmp_path):
     )
 
 
-def test_a_second_pair_of_cyclic_faces_is_not_replaced_by_the_table(tmp_path):
-    """As of two rings, each with its own faces: those of the second would be free."""
-    second = SECTOR.replace("TIE=T", "TIE=U").replace("NAME=T", "NAME=U").replace("CROWN, FEET", "TOP, BOTTOM")
+def test_cyclic_faces_of_several_parts_are_one_pair(tmp_path):
+    """As of two rings, each with its own faces; those of another disc are a finding that the scene cannot replace."""
+    second = "*NSET, NSET=UPPER\n1, 2\n*NSET, NSET=LOWER\n5, 6\n"
+    second += SECTOR.replace("TIE=T", "TIE=U").replace("NAME=T", "NAME=U").replace("CROWN, FEET", "UPPER, LOWER")
     model = read(tmp_path, CUBE + TWICE + STEEL + SECTOR + second)
-    first, other = (finding for finding in model.findings if finding.word == "*CYCLIC SYMMETRY MODEL")
-    assert first.part == "cyclic" and other.changes and other.part == ""
-    assert "a second cyclic symmetry, of TOP and BOTTOM" in other.effect and model.cyclic.faces == ("CROWN", "FEET")
+    assert model.cyclic.faces in (("CROWN and UPPER", "FEET and LOWER"), ("CROWN and LOWER", "FEET and UPPER"))
+    names = [*model.cyclic.faces[0].split(" and "), model.cyclic.faces[0]]
+
+    def nodes(name):
+        group = model.groups[name]
+        of_cells = [model.cells[block].nodes[rows].ravel() for block, rows in group.cells.items()]
+        return set(np.concatenate([group.nodes, *of_cells]).tolist())
+
+    one, other, both = map(nodes, names)
+    assert both == one | other
+    (finding,) = [finding for finding in model.findings if finding.word == "*CYCLIC SYMMETRY MODEL"]
+    assert finding.part == "cyclic" and finding.where.endswith("and 1 more") and names[2] in finding.effect
+    model = read(tmp_path, CUBE + TWICE + STEEL + SECTOR + second.replace("N=12", "N=8"))
+    assert model.cyclic.faces == ("CROWN", "FEET")
+    (left,) = [finding for finding in model.findings if "another cyclic symmetry" in finding.effect]
+    assert left.changes and left.part == ""
 
 
 @pytest.mark.parametrize(

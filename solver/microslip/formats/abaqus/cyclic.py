@@ -1,5 +1,7 @@
 """*CYCLIC SYMMETRY MODEL and its *TIE of CalculiX: the sector, and the keys of [cyclic] that a scene needs."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...messages.errors import MeshError
@@ -11,6 +13,7 @@ from .input_model import InputModel
 from .scopes import Scope
 
 WORD = "CYCLIC SYMMETRY MODEL"
+_SAME = 1e-9  # of directions and of the size of the model, by which the axes of two cards may differ
 
 
 def take_cyclic(model: InputModel) -> None:
@@ -26,21 +29,41 @@ def take_cyclic(model: InputModel) -> None:
         if card.keyword == "TIE" and "CYCLICSYMMETRY" in card.parameters
         for words, _ in card.lines()
     }
+    disc, replaced = None, []
     for scope, card in model.cards:
         if card.keyword != WORD:
             continue
         sectors = _sectors(model, scope, card, faces)
-        if model.sectors is None:
-            model.sectors, part = sectors, PART
-            effect = f"{CYCLIC}; {sectors_in_words(sectors)}"
-        else:
-            first, other = (" and ".join(each.faces or ("LOW", "HIGH")) for each in (model.sectors, sectors))
-            part = ""  # no key of [cyclic] replaces it
-            effect = (
-                f"a second cyclic symmetry, of {other}; [cyclic] has one pair of faces: state a single one in the file, with all "
-                f"faces of both, as {first} are those of a part of the sector"
-            )
-        model.findings.take(Finding(word=f"*{WORD}", where=card.where, effect=effect, changes=True, part=part))
+        joined = sectors if disc is None else _joined(model, disc, sectors)
+        if joined is not None:
+            disc = joined
+            replaced.append(card.where)
+            continue
+        pair = " and ".join(sectors.faces or ("LOW", "HIGH"))
+        effect = f"another cyclic symmetry, of {pair}, with other sectors or axis; [cyclic] has one"
+        model.findings.take(Finding(word=f"*{WORD}", where=card.where, effect=effect, changes=True))
+    if disc is not None:
+        model.sectors, effect = disc, f"{CYCLIC}; {sectors_in_words(disc)}"
+        for where in replaced:
+            model.findings.take(Finding(word=f"*{WORD}", where=where, effect=effect, changes=True, part=PART))
+
+
+def _joined(model: InputModel, first: FileSectors, second: FileSectors) -> FileSectors | None:
+    """Return the sector with the faces of both cards in one pair of groups; None where they are not of the same disc."""
+    known = [*(first.faces or ()), *(second.faces or ())]
+    if first.sectors != second.sectors or len(known) != 4 or not all(name in model.grouped.groups for name in known):
+        return None
+    axis, other = (np.array(each.axis, dtype=float) for each in (first, second))
+    offset = np.array(second.axis_point, dtype=float) - np.array(first.axis_point, dtype=float)
+    size = np.linalg.norm(axis) * np.ptp(model.mesh.points, axis=0).max()
+    is_parallel = axis @ other > (1.0 - _SAME) * np.linalg.norm(axis) * np.linalg.norm(other)
+    if not is_parallel or np.linalg.norm(np.cross(offset, axis)) > _SAME * size:
+        return None
+    names = [
+        model.grouped.node_group(f"{a} and {b}", np.concatenate([model.grouped.nodes_of(a), model.grouped.nodes_of(b)]))
+        for a, b in zip(known[:2], known[2:])
+    ]
+    return replace(first, faces=(names[0], names[1]))
 
 
 def _sectors(model: InputModel, scope: Scope, card: Card, faces: dict[str, list[str]]) -> FileSectors:
