@@ -30,7 +30,7 @@ class ExactJenkins(ElasticCoulomb):
             for column, along in ((1, 1.0), (2, -1j)):
                 d = along / turn  # derivative by the amplitude, and by its phase times X
                 by = (by_X * d.real + 1j * T_by_X * d.imag) * turn - self.k_t * along
-                exact.P[:, 1, column], exact.P[:, 2, column] = by.real, -by.imag
+                exact.P[:, 1, column], exact.P[:, 2, column] = by.real[exact.active], -by.imag[exact.active]
         return exact
 
     def parameter_rate(self, name, U, n_samples, harmonics=None):

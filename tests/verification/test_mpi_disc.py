@@ -1,15 +1,18 @@
 """A disc from one sector, [cyclic], compared with the full ring built from all sectors; on any number of ranks."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from blocks import block, join
 from discs import at, of_ring, write_ring, write_sector
+from exact_jenkins import ExactJenkins
 from mpi4py import MPI
 from msh import write_msh
 from oracles.exact import jenkins_harmonic
 from scene_text import joint, steel, table
+from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from microslip.fourier.harmonics import Harmonics
@@ -17,6 +20,7 @@ from microslip.harmonic.balance import HarmonicBalance
 from microslip.harmonic.operating_point import OperatingPoint
 from microslip.library.backbone import backbone
 from microslip.library.build import build
+from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.library.respond import respond
 from microslip.mesh.cyclic import cyclic_faces
@@ -291,6 +295,36 @@ def test_a_chain_with_friction_between_neighbours_has_its_closed_form(shared_pat
     structure.close()
 
 
+def amplitude_of_chain(h, force, omega, near):
+    """Return the amplitude X of a wave near another amplitude, with Y = s X of the joint and s = 2 sin(pi h / 12).
+
+    (1 + s^2 / 4 + s^2 a1 / Y - omega^2)^2 + (0.02 omega + s^2 b1 / Y)^2 = (F / X)^2.
+    """
+    s = 2.0 * np.sin(np.pi * h / 12)
+
+    def force_beyond(X):
+        a1, b1, _ = jenkins_harmonic(s * X, 1.0, 1.0)
+        return X * np.hypot(1.0 + 0.25 * s**2 + s * a1 / X - omega**2, 0.02 * omega + s * b1 / X) - force
+
+    return brentq(force_beyond, 0.99 * near, 1.01 * near, xtol=1e-14 * near, rtol=1e-14)
+
+
+@pytest.mark.parametrize(("h", "force", "amplitude", "omega"), CHAIN)
+def test_a_chain_with_exact_coefficients_of_its_joints_has_its_closed_form(shared_path, h, force, amplitude, omega):
+    """Without the error of samples; measured 1e-15 to 5e-12."""
+    structure = built(write_chain, shared_path, h, force, omega)
+    response = prepare(structure).response
+    (branch,) = follow(replace(response, law=ExactJenkins.of(response.law)))
+    point = min(branch.points, key=lambda point: abs(point.omega - omega))
+    expected = amplitude_of_chain(h, force, omega, amplitude)
+    error = np.hypot(*point.response[0, 1:3]) / expected - 1.0
+    print(f"wave {h}, force {force:g}: amplitude off by {error:.1e}")
+    assert not branch.failure and point.omega == pytest.approx(omega, rel=1e-12)
+    assert expected == pytest.approx(amplitude, rel=2e-9)
+    assert abs(error) < 1e-9
+    structure.close()
+
+
 @pytest.mark.parametrize("h", (1, pytest.param(6, marks=pytest.mark.ranks(1))))
 def test_a_nonlinear_mode_of_the_chain_has_its_closed_form(shared_path, h):
     """A travelling wave, with s = 2 sin(pi h / 12), Y = s X of the joint: omega^2 = 1 + s^2 / 4 + s^2 a1 / Y."""
@@ -351,6 +385,21 @@ def test_a_free_ring_has_the_frequencies_of_elasticity(shared_path):
     structure = built(write_thick_ring, shared_path)
     np.testing.assert_allclose(structure.omega_n / (2.0 * np.pi), THICK_RING, rtol=6e-4)
     structure.close()
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("N", (5, 6, 8))
+def test_frequencies_of_a_free_ring_converge_whatever_the_number_of_sectors(shared_path, N):
+    """Out of plane, in plane: errors at N = 5 3.2e-2, 2.8e-2, and with half the element size 2.7e-3, 1.9e-3."""
+    errors = []
+    for divisions in ((1, 4, 1), (2, 8, 2)):
+        structure = built(write_thick_ring, shared_path, N, divisions=divisions)
+        errors.append(structure.omega_n[:2] / (2.0 * np.pi * np.array(THICK_RING[:2])) - 1.0)
+        structure.close()
+    coarse, fine = errors
+    print(f"N = {N}: {coarse}, {fine}, ratios {coarse / fine}")
+    assert (coarse > 0.0).all() and (fine > 0.0).all()  # from above, as of a conforming mesh
+    assert (coarse / fine > [10.0, 14.0]).all()
 
 
 def frequencies_of_thick_ring(shared_path, n, shift):
