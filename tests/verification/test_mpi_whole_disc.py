@@ -139,9 +139,12 @@ def of_sectors(ring, whole):
 
 
 @pytest.mark.ranks(1)
-def test_the_response_of_different_sectors_is_that_of_the_ring(shared_path):
+@pytest.mark.parametrize(
+    ("N", "frequency", "level", "n_least"), [(6, 1436.0, 20.0, 7), pytest.param(12, 1320.0, 4.0, 7, marks=pytest.mark.slow)]
+)
+def test_the_response_of_different_sectors_is_that_of_the_ring(shared_path, N, frequency, level, n_least):
     """Friction, preload and load differ between sectors."""
-    N, h, frequency, level, random = 6, 1, 1436.0, 20.0, np.random.default_rng(5)
+    h, random = 1, np.random.default_rng(5)
     factors = {name: random.uniform(0.8, 1.2, N) for name in ("friction", "preload", "load")}
     solved = end(N_DOF, level, frequency) + sector_factors(**factors)
     whole = built(write_sector, shared_path, N, solved, wave={"engine_order": h, "whole": True}, friction=0.05)
@@ -152,7 +155,9 @@ def test_the_response_of_different_sectors_is_that_of_the_ring(shared_path):
     ring = replace(ring, pairs=replace(ring.pairs, mu=mu, N0=N0))
     of_ring, n_slip_of_ring, p_of_ring = at_frequency(ring, level, frequency)
     of_whole, n_slip, p = at_frequency(whole, level, frequency)
-    assert n_slip == n_slip_of_ring > N
+    errors = np.abs(of_whole - of_ring).max() / np.abs(of_ring).max(), np.abs(p[at] - p_of_ring).max() / np.abs(p).max()
+    print(f"N = {N}, {n_slip} of {whole.pairs.n_pairs} pairs slip: response off by {errors[0]:.1e}, forces by {errors[1]:.1e}")
+    assert n_slip == n_slip_of_ring >= n_least
     np.testing.assert_allclose(of_whole, of_ring, atol=1e-6 * np.abs(of_ring).max())
     np.testing.assert_allclose(p[at], p_of_ring, atol=1e-6 * np.abs(p).max())
     ring.close()
